@@ -84,15 +84,38 @@ def open_joints(structure: Structure, at: str, sensors: Sequence[Sensor], angula
     loads = np.zeros((len(structure.mass), 1 + joints))
     loads[:, 0] = load_row(structure, at)
     loads[:joints, 1:] = -np.eye(joints)
-    w = angular[:, None, None]
     coordinates = _answers(structure, angular, loads)
-    shown = np.einsum("sn,wnk->wsk", sensor_rows(structure, sensors), coordinates)
-    if at == BASE:
-        # Sensors are on what the base carries: they show its motion, too.
-        assert structure.base is not None
-        shown[:, :, 0] += (sensor_rows(structure, sensors) @ structure.base) / -(angular[:, None] ** 2)
+    shown = sensed(structure, at, sensors, angular, coordinates)
+    return Transfer(shown, coordinates[:, :joints], coordinates)
+
+
+def sensed(
+    structure: Structure, at: str, sensors: Sequence[Sensor], angular: Array, coordinates: Complex
+) -> Complex:
+    """Return what sensors show, each in its quantity, of answers to the drive and then to others.
+
+    Parameters
+    ----------
+    structure, at, sensors
+        As of :func:`open_joints`.
+    angular : ndarray, shape (w,)
+        rad/s.
+    coordinates : ndarray of complex, shape (w, n, k)
+
+    Returns
+    -------
+    ndarray, shape (w, sensors, k)
+    """
+    rows, w = sensor_rows(structure, sensors), angular[:, None]
     powers = np.array([ORDER[sensor.quantity] for sensor in sensors])
-    return Transfer(shown * ((1j * w) ** powers[:, None]), coordinates[:, :joints], coordinates)
+    turned = (1j * w) ** powers
+    shown = np.einsum("sn,wnk->wsk", rows, coordinates) * turned[:, :, None]
+    if at == BASE:
+        # Sensors are on what the base carries: they show its motion, too; the drive is its acceleration.
+        assert structure.base is not None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shown[:, :, 0] += rows @ structure.base * np.where(w > 0, turned / -(w**2), powers == 2)
+    return shown
 
 
 LINES = 64  # of a spectrum, solved at a time
@@ -222,20 +245,11 @@ def jump_columns(
         -scale * np.concatenate([by_deflection, by_rate], axis=2), dtype=np.complex128
     )
     shown, turned = moved[:, : len(sensors)], moved[:, len(sensors) :]
-    at = rows[: len(sensors)] @ shapes
-    none = np.zeros_like(at)
+    at, powers = rows[: len(sensors)] @ shapes, np.array([[ORDER[sensor.quantity]] for sensor in sensors])
     # Of a rate and of an acceleration the jumps themselves are a part.
-    extra = {
-        0: np.zeros_like(shown),
-        1: np.broadcast_to(np.hstack([at, none]), shown.shape) * scale,
-        2: np.concatenate([1j * w * at, np.broadcast_to(at, (angular.size, *at.shape))], axis=2) * scale,
-    }
+    parts = ((powers > 0) * (1j * w) ** (powers - 1.0) * at, (powers > 1) * (1j * w) ** (powers - 2.0) * at)
     channels = np.zeros((angular.size, 1 + len(sensors), shown.shape[2]), dtype=complex)
-    for number, sensor in enumerate(sensors):
-        order = ORDER[sensor.quantity]
-        channels[:, 1 + number] = (1j * angular[:, None]) ** order * shown[:, number] + extra[order][
-            :, number
-        ]
+    channels[:, 1:] = (1j * w) ** powers * shown + scale * np.concatenate(parts, axis=2)
     # A jump of the angle is a drift, (2/T)·i/ω of the series; one of its rate a bend, (2/T)/ω².
     of_angle = shapes[:joints]
     smooth = np.concatenate([1j / w * of_angle, 1 / w**2 * of_angle], axis=2) * scale

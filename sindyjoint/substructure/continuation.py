@@ -182,6 +182,38 @@ def refined(
     return balance, point
 
 
+def traced(
+    curve: Callable[[Balance], tuple[System, Scale]],
+    balance: Balance,
+    solutions: Iterable[Solution],
+    of_balance: Callable[[Array], Array],
+    limits: Array | float,
+    refine: bool,
+) -> list[tuple[Balance, Array, Solution]]:
+    """Return the points of a curve up to where a joint passes its limit: their balance, its unknowns, and they.
+
+    Parameters
+    ----------
+    curve, balance
+        As of :func:`refined`.
+    solutions : iterable of Solution
+        Of the curve.
+    of_balance : callable
+        Unknowns of the curve → unknowns of the balance.
+    limits : float or ndarray, shape (joints,)
+        rad.
+    refine : bool
+        Whether each point is balanced with as many harmonics as it needs.
+    """
+    points: list[tuple[Balance, Array, Solution]] = []
+    for solution in solutions:
+        own, point = refined(curve, balance, solution, not points) if refine else (balance, solution)
+        points.append((own, of_balance(point.unknowns), point))
+        if np.any(own.peak_angles(points[-1][1]) > limits):
+            break
+    return points
+
+
 def _tangent(jacobian: Array, before: Array) -> Array:
     """Return the unit null vector of the scaled Jacobian on the side of the one before."""
     bordered = np.vstack([jacobian, before / np.linalg.norm(before)])

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from sindyjoint.substructure.continuation import (
     Solution,
     System,
     follow,
-    refined,
+    traced,
 )
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import Varied
@@ -181,25 +182,21 @@ def frequency_response(
         return system, scale
 
     low, high = (2 * np.pi * end for end in band)
-    points: list[tuple[Balance, Solution]] = []
     system, scale = curve(balance)
     starts = (np.append(guess, low) for guess in _first_guesses(balance, low, force))
-    for point in follow(system, starts, scale):
-        if not low * (1 - 1e-9) <= point.unknowns[-1] <= high:
-            break
-        points.append(refined(curve, balance, point, first=not points) if refine else (balance, point))
-        if np.any(balance.peak_angles(point.unknowns[:-1]) > limits):
-            break
-    deflection = np.array([own.deflection(p.unknowns[:-1], p.unknowns[-1]) for own, p in points])
-    angle = np.array([own.peak_angles(p.unknowns[:-1]) for own, p in points]).T
+    within = takewhile(lambda p: low * (1 - 1e-9) <= p.unknowns[-1] <= high, follow(system, starts, scale))
+    points = traced(curve, balance, within, lambda y: y[:-1], limits, refine)
+    omega = np.array([p.unknowns[-1] for *_, p in points])
+    deflection = np.array([own.deflection(x, p.unknowns[-1]) for own, x, p in points])
+    angle = np.array([own.peak_angles(x) for own, x, _ in points]).T
     errors = np.zeros((len(points), 2))
     if varied is not None:
-        errors = np.array([_error_across(own, point, varied, force) for own, point in points])
+        errors = np.array([_error_across(own, point, varied, force) for own, _, point in points])
     return ForcedResponse(
-        force, np.array([p.unknowns[-1] for _, p in points]) / (2 * np.pi), np.abs(deflection), np.angle(deflection),
-        angle, np.array([p.tangent[-1] > 0 for _, p in points]),
+        force, omega / (2 * np.pi), np.abs(deflection), np.angle(deflection),
+        angle, np.array([p.tangent[-1] > 0 for *_, p in points]),
         errors[:, 0], errors[:, 1],
-        np.all(angle <= np.reshape(tested, (-1, 1)), axis=0), max(own.harmonics for own, _ in points),
+        np.all(angle <= np.reshape(tested, (-1, 1)), axis=0), max(own.harmonics for own, *_ in points),
     )  # fmt: skip
 
 
@@ -234,7 +231,9 @@ def _error_across(balance: Balance, point: Solution, varied: Varied, force: floa
     Along the curve an error is none: a shifted point lies on the shifted curve wherever it is put on it.
     """
     y = point.unknowns
-    moved = point.shifted(varied.changes(balance, y[:-1], y[-1], force))
+    moved = point.shifted(
+        varied.slopes(lambda laws: balance.with_laws(laws).residual(y[:-1], y[-1], force, slopes=False)[0])
+    )
     here = np.log(abs(balance.deflection(y[:-1], y[-1])))
 
     def seen(direction: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -15,7 +15,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.limits import EQUATION
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.response.laws import model_law
-from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.spectra import steady_states
 
 # Samples per period; reversals fall on samples, where friction is taken in the middle of its interval.
@@ -173,16 +172,10 @@ def model_curve(model: JointModel, amplitude: ArrayLike, frequency: float) -> Jo
     """
     sizes = np.asarray(amplitude, dtype=np.float64)
     values = loop_measures(model_law(model), sizes, frequency)
-    slopes = [
-        (loop_measures(high, sizes, frequency) - loop_measures(low, sizes, frequency)) / (2 * step)
-        for low, high, step in varied_laws(model)
-    ]
-    moving = np.flatnonzero(model.number_errors > 0)
-    covariance = model.covariance_matrix[np.ix_(moving, moving)]
+    varied = Varied.of([None], [model])
     errors = np.zeros_like(values)
-    if slopes:
-        variance = np.einsum("iab,ij,jab->ab", np.array(slopes), covariance, np.array(slopes))
-        errors = np.sqrt(np.maximum(variance, 0.0))
+    if varied is not None:
+        errors = varied.errors(varied.slopes(lambda laws: loop_measures(laws[0], sizes, frequency)))
     fitted, more = model.fitted, 1 + EQUATION.tolerated
     tested = (sizes <= more * fitted.angle) & (2 * np.pi * frequency * sizes <= more * fitted.rate)
     if fitted.frequencies:
@@ -190,20 +183,6 @@ def model_curve(model: JointModel, amplitude: ArrayLike, frequency: float) -> Jo
     measures = dict(zip(MEASURES, values, strict=True))
     widths = {f"{name}_error": row for name, row in zip(MEASURES, errors, strict=True)}
     return JointCurve(float(frequency), sizes, **measures, **widths, tested=tested)
-
-
-def varied_laws(model: JointModel) -> Sequence[tuple[Any, Any, float]]:
-    """Return for each uncertain number of a model the laws with it smaller and larger, and by how much."""
-    found = []
-    for place in np.flatnonzero(model.number_errors > 0):
-        step = COARSE_DIFFERENCE * model.number_errors[place]
-        ends = []
-        for side in (-1, 1):
-            numbers = model.numbers
-            numbers[place] += side * step
-            ends.append(model_law(model.with_numbers(numbers)))
-        found.append((ends[0], ends[1], float(step)))
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,33 +211,28 @@ class Varied:
         models : sequence of JointModel or None
             Of each joint; None where its law is taken as known.
         """
-        found = []
+        found: list[Any] = []
         blocks: list[Array] = []
         for model in {id(m): m for m in models if m is not None}.values():
-            for low, high, step in varied_laws(model):
-                ends = (
-                    tuple(end if m is model else law for m, law in zip(models, laws, strict=True))
-                    for end in (low, high)
-                )
-                found.append((*ends, step))
             places = np.flatnonzero(model.number_errors > 0)
             blocks.append(model.covariance_matrix[np.ix_(places, places)])
+            for place in places:
+                step, ends = float(COARSE_DIFFERENCE * model.number_errors[place]), []
+                for way in (-step, step):
+                    numbers = model.numbers
+                    numbers[place] += way
+                    law = model_law(model.with_numbers(numbers))
+                    ends.append(
+                        tuple(law if m is model else own for m, own in zip(models, laws, strict=True))
+                    )
+                found.append((*ends, step))
         if not found:
             return None
-        return cls(found, scipy.linalg.block_diag(*blocks))  # type: ignore[arg-type]
+        return cls(found, scipy.linalg.block_diag(*blocks))
 
-    def changes(
-        self, balance: Balance, unknowns: Array, omega: float, force: float = 0.0, growth: float = 0.0
-    ) -> Array:
-        """Return the derivatives of the residual by the numbers, shape (size, k)."""
-        columns = []
-        for low, high, step in self.laws:
-            ends = [
-                balance.with_laws(laws).residual(unknowns, omega, force, growth, slopes=False)[0]
-                for laws in (low, high)
-            ]
-            columns.append((ends[1] - ends[0]) / (2 * step))
-        return np.array(columns).T
+    def slopes(self, of: Callable[[tuple[Any, ...]], Array]) -> Array:
+        """Return derivatives by the numbers of what the laws of all joints come to, shape (...) → (..., k)."""
+        return np.stack([(of(high) - of(low)) / (2 * step) for low, high, step in self.laws], axis=-1)
 
     def errors(self, slopes: Array) -> Array:
         """Return standard errors of quantities by their derivatives, shape (..., k) → (...)."""

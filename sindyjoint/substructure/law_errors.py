@@ -223,19 +223,19 @@ def law_errors(
     would_leave = excess * (1 - would_be**2 * unique / (weighted @ weighted))
     spread = np.sqrt(np.diag(_covariance(sources, of_others)) * np.maximum(would_leave, 1.0))
     ratios = np.divide(would_be, spread, out=np.zeros_like(spread), where=spread > 0)
+    moment = np.concatenate(
+        [
+            np.sqrt(w) * source.states.moment[kept]
+            for w, source, kept in zip(rows.weights, sources, rows.kept, strict=True)
+        ]
+    )
     law = np.linalg.qr(rows.columns[:, :k])[0]
     alone = np.linalg.norm(beyond - law @ (law.T @ beyond), axis=0)
     return LawErrors(
         k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, excess, ratios, would_leave,
-        spread * alone / _size(rows, sources), followed[:k] * would_be,
+        spread * alone / np.linalg.norm(moment), followed[:k] * would_be,
         np.zeros(ratios.size, dtype=np.bool_) if likely is None else likely,
     )  # fmt: skip
-
-
-def _size(rows: LawRows, sources: Sequence[Recovered]) -> float:
-    """Return the norm of the weighted moment of the rows."""
-    moments = (source.states.moment[kept] for source, kept in zip(sources, rows.kept, strict=True))
-    return float(np.sqrt(sum(w * np.sum(m**2) for w, m in zip(rows.weights, moments, strict=True))))
 
 
 def _row_errors(rows: LawRows, sources: Sequence[Recovered]) -> "list[_RowErrors]":

@@ -18,7 +18,7 @@ from sindyjoint.substructure.continuation import (
     Solution,
     System,
     follow,
-    refined,
+    traced,
 )
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import Varied
@@ -140,24 +140,21 @@ def mode_over_amplitude(
         return system, scale
 
     slips = slip_amplitudes(balance, number)
-    points: list[tuple[Balance, Solution]] = []
     system, scale = curve(balance)
     # Steps along the curve so short that the onset of slip is seen where it is.
-    for solution in follow(system, [_first_motion(balance, number, slips, limits)], scale, longest=0.07):
-        points.append(refined(curve, balance, solution, first=not points) if refine else (balance, solution))
-        if np.any(balance.peak_angles(full(solution.unknowns)) > limits):
-            break
+    solutions = follow(system, [_first_motion(balance, number, slips, limits)], scale, longest=0.07)
+    points = traced(curve, balance, solutions, full, limits, refine)
     omega, growth, log_amplitude = (
-        np.array([p.unknowns[place] for _, p in points]) for place in (-3, -2, -1)
+        np.array([p.unknowns[place] for *_, p in points]) for place in (-3, -2, -1)
     )
-    angle = np.array([own.peak_angles(full(p.unknowns)) for own, p in points]).T
+    angle = np.array([own.peak_angles(x) for own, x, _ in points]).T
     errors = np.zeros((len(points), 2))
     if varied is not None:
-        errors = np.array([_errors(own, full(p.unknowns), p, varied) for own, p in points])
+        errors = np.array([_errors(own, x, p, varied) for own, x, p in points])
     return ModeCurve(
         number, point, np.exp(log_amplitude), omega / (2 * np.pi), growth / (2 * omega), angle,
-        errors[:, 0], errors[:, 1], np.array([_force(own, full(p.unknowns), p) for own, p in points]), slips,
-        np.all(angle <= np.reshape(tested, (-1, 1)), axis=0), max(own.harmonics for own, _ in points),
+        errors[:, 0], errors[:, 1], np.array([_force(own, x, p) for own, x, p in points]), slips,
+        np.all(angle <= np.reshape(tested, (-1, 1)), axis=0), max(own.harmonics for own, *_ in points),
     )  # fmt: skip
 
 
@@ -166,7 +163,12 @@ def _errors(balance: Balance, unknowns: Array, solution: Solution, varied: Varie
     y = solution.unknowns
     same_amplitude = np.zeros(y.size)
     same_amplitude[-1] = 1.0
-    moved = solution.shifted(varied.changes(balance, unknowns, y[-3], 0.0, y[-2]), same_amplitude)
+    moved = solution.shifted(
+        varied.slopes(
+            lambda laws: balance.with_laws(laws).residual(unknowns, y[-3], 0.0, y[-2], slopes=False)[0]
+        ),
+        same_amplitude,
+    )
     damping = moved[-2] / (2 * y[-3]) - y[-2] / (2 * y[-3] ** 2) * moved[-3]
     return varied.errors(np.array([moved[-3] / (2 * np.pi), damping]))
 

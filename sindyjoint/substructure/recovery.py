@@ -209,10 +209,10 @@ def declared_noise(test: RigTest) -> Array:
     return np.array([test.drive_noise or np.nan, *(s.noise or np.nan for s in test.sensors)], dtype=float)
 
 
-def _shown_band(test: RigTest, run: RigRun) -> float | None:
+def _shown_band(test: RigTest, run: RigRun) -> float:
     """Return the frequency up to which displacements show anything, Hz; beyond it moments are their noise times ω²."""
     if run.frequency is not None or not only_displacement(test.sensors):
-        return None
+        return np.inf
     return max(signal_end(signal, run.sample_rate).bandwidth for signal in run.responses)
 
 

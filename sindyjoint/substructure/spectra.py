@@ -270,17 +270,17 @@ class Spectra:
         return 2 * np.pi * self.frequency * np.arange(1, self.amplitudes.shape[1] + 1)
 
 
-def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float | None = None) -> Spectra:
+def channel_spectra(run: RigRun, declared: Array | float = np.nan, bandwidth: float = np.inf) -> Spectra:
     """Return the Fourier series of all channels of a run: its drive, then its sensors.
 
     Parameters
     ----------
     run : RigRun
-    declared : ndarray, shape (1 + sensors,), optional
+    declared : float or ndarray, shape (1 + sensors,), optional
         Standard deviation of single samples of each channel as declared, NaN where it was not: a floor of what is
         measured.
     bandwidth : float, optional
-        Highest frequency, Hz. Default: 0.37 of the sampling rate.
+        Highest frequency, Hz, where that is below 0.37 of the sampling rate.
 
     Raises
     ------
@@ -306,35 +306,33 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     stop = min(first + int(round(periods * per)), run.drive.size)
     edges = cut_blocks(periods, per, stop - first)
     time = np.arange(stop - first) / run.sample_rate
-    top = (
-        SUBSTRUCTURE.band * run.sample_rate
-        if bandwidth is None
-        else min(bandwidth, SUBSTRUCTURE.band * run.sample_rate)
-    )
+    top = min(bandwidth, SUBSTRUCTURE.band * run.sample_rate)
     # Most harmonics of a run: a multisine of a hundred lines has them, and what they hold beyond is noise.
     count = int(np.clip(top / frequency, 1, min(400, 3 * (int(np.diff(edges).min()) - 8) // 8)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
     # Between harmonics lie as many lines of noise as there are periods, less one. Fifty estimate that of a harmonic: of
     # nine, weights that follow their scatter make standard errors a tenth too small.
     neighbours = int(np.ceil(50 / max(1, periods - 1)))
-    steady, variance = signals[:, first:stop], []
+    steady, noise = signals[:, first:stop], []
     means, cosine, sine = basis.fit_all(steady)
     for number, signal in enumerate(steady):
         residual = signal - basis.series(means[number], cosine[number], sine[number])
-        noise = local_noise(residual, run.sample_rate, basis.angular / (2 * np.pi), 0.5 * frequency)
-        noise = scipy.ndimage.uniform_filter1d(noise, neighbours, mode="nearest")
-        if declared is not None and np.isfinite(declared[number]):
-            noise = np.maximum(noise, declared[number] ** 2)
-        # Of exact data rounding is all that is left.
-        least = np.finfo(float).eps * float(np.abs(signal).max(initial=1e-300))
-        variance.append(2 * np.maximum(noise, least**2) / time.size)
+        found = local_noise(residual, run.sample_rate, basis.angular / (2 * np.pi), 0.5 * frequency)
+        noise.append(scipy.ndimage.uniform_filter1d(found, neighbours, mode="nearest"))
+    known = np.fmax(noise, np.square(declared)[..., None])
+    variance = 2 * np.maximum(known, _rounding(steady)[:, None] ** 2) / time.size
     parts = []
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         _, a, b = basis.rows(slice(low, high)).fit_all(steady[:, low:high])
         parts.append(a - 1j * b)
     return Spectra(
-        frequency, first, edges, means, cosine - 1j * sine, np.array(parts), np.array(variance)
+        frequency, first, edges, means, cosine - 1j * sine, np.array(parts), variance
     )  # fmt: skip
+
+
+def _rounding(signals: Array) -> Array:
+    """Return the rounding of signals, shape (channels,): of exact data it is all that is left."""
+    return np.asarray(np.finfo(float).eps * np.abs(signals).max(axis=1, initial=1e-300))
 
 
 def _strongest_orders(run: RigRun) -> Sequence[int]:
@@ -353,7 +351,7 @@ def _strongest_orders(run: RigRun) -> Sequence[int]:
     return [int(order) + 1 for order in np.argsort(-size)[: len(FIRST_ORDERS)]]
 
 
-def _record_spectra(run: RigRun, declared: Array | None, bandwidth: float | None) -> Spectra:
+def _record_spectra(run: RigRun, declared: Array | float, bandwidth: float) -> Spectra:
     """Return the Fourier series of a whole record, with its length as the period.
 
     By the trapezoidal rule, half of each end. Noise is white, as it was declared or of the density above which the
@@ -361,24 +359,16 @@ def _record_spectra(run: RigRun, declared: Array | None, bandwidth: float | None
     """
     signals, n = run.signals, run.drive.size - 1
     frequency = run.sample_rate / n
-    top = (
-        SUBSTRUCTURE.band * run.sample_rate
-        if bandwidth is None
-        else min(bandwidth, SUBSTRUCTURE.band * run.sample_rate)
-    )
+    top = min(bandwidth, SUBSTRUCTURE.band * run.sample_rate)
     count = max(1, int(top / frequency))
     jump = signals[:, -1:] - signals[:, :1]
     amplitudes = 2 / n * (np.fft.rfft(signals[:, :-1])[:, 1 : count + 1] + jump / 2)
-    variance = []
-    for number, signal in enumerate(signals):
-        noise = signal_end(signal, run.sample_rate).noise
-        if declared is not None and np.isfinite(declared[number]):
-            noise = float(declared[number])
-        least = np.finfo(float).eps * float(np.abs(signal).max(initial=1e-300))
-        variance.append(np.full(count, 2 * max(noise, least) ** 2 / n))
+    ends = [signal_end(signal, run.sample_rate).noise for signal in signals]
+    noise = np.where(np.isfinite(declared), declared, ends)
+    variance = np.repeat(2 * np.maximum(noise, _rounding(signals))[:, None] ** 2 / n, count, axis=1)
     mean = signals[:, :-1].mean(axis=1) + jump[:, 0] / 2 / n
     return Spectra(
-        frequency, 0, np.array([0, n]), mean, amplitudes, amplitudes[None], np.array(variance), False
+        frequency, 0, np.array([0, n]), mean, amplitudes, amplitudes[None], variance, False
     )  # fmt: skip
 
 

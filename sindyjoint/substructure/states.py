@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -53,17 +53,13 @@ def strongest_line(size: Array, standard_error: Array) -> int:
     return int(np.argmax(np.where(lines(size, standard_error), size, 0.0)))
 
 
-def is_tone(drive: Complex) -> bool:
-    """Return whether the first harmonic is most of a drive."""
-    power = np.abs(drive) ** 2
-    return bool(power[0] > 0.5 * power.sum())
-
-
 def kept_of(recovery: Recovery, joint: int) -> Orders:
     """Return which harmonics of a joint's angle and of its moment are used: none where either has none."""
     joints = recovery.transfer.angles.shape[1]
     values, errors, noise = recovery.values, recovery.standard_error, recovery.noise
-    tone = is_tone(recovery.spectra.amplitudes[0])
+    power = np.abs(recovery.spectra.amplitudes[0]) ** 2
+    # A tone: the first harmonic is most of the drive.
+    tone = bool(power[0] > 0.5 * power.sum())
 
     def kept(row: int) -> Orders:
         if not recovery.spectra.repeats:
@@ -197,11 +193,6 @@ def record_series(amplitudes: Complex, n: int) -> Array:
     return np.fft.irfft(spectrum, n)
 
 
-def record_motion(amplitudes: Complex, angular: Array, n: int) -> list[Array]:
-    """Return angle, rate and acceleration of such a series."""
-    return [record_series((1j * angular) ** order * amplitudes, n) for order in range(3)]
-
-
 def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float = 0.0) -> ForceStates:
     """Return the force states of a joint in a run that does not repeat; parameters as of :func:`joint_states`."""
     spectra, run = recovery.spectra, recovery.run
@@ -210,7 +201,9 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
     kept = kept_of(recovery, joint)
     known = kept & ~slow_orders(recovery, joint)
     angular = spectra.angular
-    angle, rate, acceleration = record_motion(values[joint] * kept, angular, n)
+    angle, rate, acceleration = (
+        record_series((1j * angular) ** order * values[joint] * kept, n) for order in range(3)
+    )
     time = np.arange(n) / run.sample_rate
     # Drift and bend are not known yet: a joint does not travel on and on, and the law will tell the rest.
     bend, drift = np.polyfit(time, rate, 1)
@@ -342,20 +335,17 @@ def worth_of_sensors(test: RigTest, recoveries: Sequence[Recovery]) -> Array:
     Of the strongest harmonics of all runs together; infinite where the joint is no longer determined.
     """
     joints, sensors = test.structure.n_joints, len(test.sensors)
-    with_all, without = np.zeros(joints), np.zeros((joints, sensors))
+    total = np.zeros((1 + sensors, joints))
     for recovery in recoveries:
         # Harmonics of each run from which the worth of sensors is computed.
         spectra, angular = strongest(recovery.freed, 8)
         design = open_joints(test.structure, test.at, test.sensors, angular).design
-
-        def information(variance: Array, spectra: Any = spectra, design: Any = design) -> Array:
+        # With all, then without each sensor.
+        for channel in range(1 + sensors):
+            variance = spectra.variance.copy()
+            if channel:
+                variance[channel] *= UNSEEN
             estimator = solved(design, np.sqrt(variance.T), spectra.amplitudes.T)[0][:, 1:]
-            return np.sum(1 / np.einsum("hkc,ch->hk", np.abs(estimator) ** 2, variance), axis=0)
-
-        with_all += information(spectra.variance)
-        for sensor in range(sensors):
-            blind = spectra.variance.copy()
-            blind[1 + sensor] *= UNSEEN
-            without[:, sensor] += information(blind)
-    factor = np.sqrt(with_all[:, None] / without)
+            total[channel] += np.sum(1 / np.einsum("hkc,ch->hk", np.abs(estimator) ** 2, variance), axis=0)
+    factor = np.sqrt(total[0] / total[1:]).T
     return np.where(factor > np.sqrt(UNSEEN) / 30, np.inf, factor)

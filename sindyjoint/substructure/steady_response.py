@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
+from sindyjoint.mechanics.rig_test import Sensor, load_row
 from sindyjoint.mechanics.structure import Structure, tangent_of
 from sindyjoint.numeric import SAME, Array, solve_factored
+from sindyjoint.substructure import sensed
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
 from sindyjoint.substructure.spectra import by_harmonic
 
@@ -54,8 +55,8 @@ class Condensed:
 
 def condense(structure: Structure, at: str, sensors: Sequence[Sensor], omega: float, count: int) -> Condensed:
     """Return a structure at the harmonics 0 to `count` of `omega`, rad/s, of a drive `at` a point or the base."""
-    j, rows, load = structure.n_joints, sensor_rows(structure, sensors), load_row(structure, at)
-    w = omega * np.arange(count + 1)[:, None, None]
+    j, load = structure.n_joints, load_row(structure, at)
+    w = omega * np.arange(count + 1.0)[:, None, None]
     dynamic = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
     right = np.concatenate(
         [np.broadcast_to(load[j:, None], (count + 1, load.size - j, 1)), -dynamic[:, j:, :j]], axis=2
@@ -63,19 +64,9 @@ def condense(structure: Structure, at: str, sensors: Sequence[Sensor], omega: fl
     inner = np.linalg.solve(dynamic[:, j:, j:], right)
     condensed = dynamic[:, :j, :j] + dynamic[:, :j, j:] @ inner[:, :, 1:]
     carried = load[:j] - (dynamic[:, :j, j:] @ inner[:, :, :1])[..., 0]
-    of_drive = (rows[:, j:] @ inner[:, :, :1])[..., 0]
-    of_angles = rows[:, :j] + rows[:, j:] @ inner[:, :, 1:]
-    powers = np.array([ORDER[sensor.quantity] for sensor in sensors])
-    turned = (1j * w[:, 0]) ** powers
-    of_drive = of_drive * turned
-    if at == BASE:
-        # Sensors are on what the base carries: they show its motion, too; the drive is its acceleration.
-        assert structure.base is not None
-        carried_rows = rows @ structure.base
-        with np.errstate(divide="ignore", invalid="ignore"):
-            of_base = carried_rows * np.where(w[:, 0] > 0, turned / -(w[:, 0] ** 2), powers == 2)
-        of_drive = of_drive + of_base
-    return Condensed(condensed, carried, of_drive, of_angles * turned[:, :, None])
+    held = np.broadcast_to(np.eye(j, 1 + j, 1), (count + 1, j, 1 + j))
+    shown = sensed(structure, at, sensors, w[:, 0, 0], np.concatenate([held, inner], axis=1))
+    return Condensed(condensed, carried, shown[:, :, 0], shown[:, :, 1:])
 
 
 @dataclass(frozen=True, eq=False)

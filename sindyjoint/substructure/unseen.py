@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
@@ -151,8 +152,7 @@ def find_slow(
         float(np.ptp(state.angle[rows] + basis[0] @ values)) / 2
         for state, rows, basis, values in zip(states, kept, bases, unknowns, strict=True)
     )
-    coefficients, noise = np.zeros(len(terms)), 0.0
-
+    coefficients = np.zeros(len(terms))
     errors = np.concatenate([each.errors for each in slow])
 
     def linearised() -> tuple[list[Array], list[tuple[Array, Array]], list[Array]]:
@@ -169,15 +169,13 @@ def find_slow(
     def whole_moments() -> list[Array]:
         return [m + basis[2] @ values for m, basis, values in zip(moments, bases, unknowns, strict=True)]
 
+    # At first the law is not known, and the angles are as the sensors show them.
     target = np.concatenate([np.sqrt(w) * m for w, m in zip(weights, whole_moments(), strict=True)])
-    for number in range(20):
+    columns = np.vstack([np.sqrt(w) * part for w, part in zip(weights, linearised()[0], strict=True)])
+    coefficients = scaled_least_squares(columns, target, 1e-10)
+    noise = float(np.std(target - columns @ coefficients))
+    for _ in range(19):
         own, _, of_unknowns = linearised()
-        if number == 0:
-            # At first the law is not known, and the angles are as the sensors show them.
-            columns = np.vstack([np.sqrt(w) * part for w, part in zip(weights, own, strict=True)])
-            coefficients = scaled_least_squares(columns, target, 1e-10)
-            noise = float(np.std(target - columns @ coefficients))
-            continue
         said = [noise / each.errors * (each.start - now) for each, now in zip(slow, unknowns, strict=True)]
         runs = [
             np.sqrt(w) * np.column_stack(part)
@@ -257,14 +255,9 @@ def _columns_and_slopes(
 
 
 def _stacked(columns: Sequence[Array], blocks: Sequence[Array], weights: Array) -> Array:
-    terms, sizes = columns[0].shape[1], [block.shape[1] for block in blocks]
-    ends = terms + np.cumsum([0, *sizes])
-    parts = []
-    for index, (own, block, weight) in enumerate(zip(columns, blocks, weights, strict=True)):
-        part = np.zeros((len(own), int(ends[-1])))
-        part[:, :terms], part[:, ends[index] : ends[index + 1]] = own, block
-        parts.append(part * np.sqrt(weight))
-    return np.vstack(parts)
+    """Return weighted rows of all runs, which share the first columns and have further ones of their own."""
+    sizes = np.repeat(np.sqrt(weights), [len(own) for own in columns])
+    return np.asarray(np.hstack([np.vstack(columns), scipy.linalg.block_diag(*blocks)]) * sizes[:, None])
 
 
 def _solve(
