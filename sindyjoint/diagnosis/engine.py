@@ -23,7 +23,6 @@ from sindyjoint.diagnosis.result import (
 )
 from sindyjoint.diagnosis.verdict import (
     UNDECIDED,
-    UNKNOWN,
     Gaps,
     discount,
     grows,
@@ -32,46 +31,44 @@ from sindyjoint.diagnosis.verdict import (
 )
 from sindyjoint.text import percent, spelled
 
+# The stages of one diagnosis that have a portion each, from every start together: the rounds of the loop and the
+# starts themselves; what a verdict needs to know; the numbers refined on the simulated response; the parts of the first
+# gap and where it lies. Advice has one of its own.
+STAGES = {
+    "search": "the search",
+    "verdict": "the verdict",
+    "numbers": "the refinement on the simulated response",
+    "parts": "the division of the gap",
+}
+
 
 @dataclass(frozen=True, eq=False)
 class Stages:
     """The portions of the stages of one diagnosis, and who hears which of them is running.
 
-    Advice has one of its own.
-
     Parameters
     ----------
-    search, verdict, numbers, parts : Portion
-        From every start together: the rounds of the loop and the starts themselves; what a verdict needs to know; the
-        numbers refined on the simulated response; the parts of the first gap and where it lies.
+    portions : dict of str to Portion
+        Of each of :data:`STAGES`.
     say : callable
     """
 
-    search: Portion
-    verdict: Portion
-    numbers: Portion
-    parts: Portion
-    say: Callable[[str], None]
+    portions: dict[str, Portion]
+    say: Say
 
     @classmethod
-    def of(cls, policy: DiagnosisPolicy, say: Callable[[str], None]) -> "Stages":
+    def of(cls, policy: DiagnosisPolicy, say: Say) -> "Stages":
         """Return the portions that a policy gives."""
         works = policy.search_work, policy.verdict_work, policy.numbers_work, policy.parts_work
-        search, verdict, numbers, parts = (Portion(work, work / policy.slowest) for work in works)
-        return cls(search, verdict, numbers, parts, say)
+        portions = (Portion(work, work / policy.slowest) for work in works)
+        return cls(dict(zip(STAGES, portions, strict=True)), say)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Return what each stage whose portion was used up left out."""
-        named = {
-            "the search": self.search,
-            "the verdict": self.verdict,
-            "the refinement on the simulated response": self.numbers,
-            "the division of the gap": self.parts,
-        }
         return tuple(
-            f"{name} ended {portion.stopped}; left out: {', '.join(portion.left_out)}"
-            for name, portion in named.items()
+            f"{STAGES[stage]} ended {portion.stopped}; left out: {', '.join(portion.left_out)}"
+            for stage, portion in self.portions.items()
             if portion.stopped
         )
 
@@ -107,7 +104,7 @@ class Explained(Generic[P]):
     gaps : Gaps
     verdict, reason : str
     start : str
-        What it began with, beside the model as it was given; empty where that was all.
+        What it began with.
     """
 
     straight: P
@@ -115,7 +112,7 @@ class Explained(Generic[P]):
     gaps: Gaps
     verdict: str
     reason: str
-    start: str = ""
+    start: str
 
     @property
     def whole(self) -> bool:
@@ -149,7 +146,7 @@ def explain_gap(
     say("the gap")
     straight, steps = first.corrected()
     best, note = _best_search(first, straight, steps, most, stages)
-    verdict, reason = _of_search(best, stages.search)
+    verdict, reason = _of_search(best, stages.portions["search"])
     steps = discount(best.progress.steps, verdict, best.gaps, first.policy)
     last, final, notes = _with_last_numbers(best, refined, stages)
     if last is not best.progress.problem:
@@ -159,7 +156,7 @@ def explain_gap(
         steps = (*steps[:-1], *(replace(step, gap_after=final) for step in steps[-1:]))
     steps = with_falling_gaps(steps, best.gaps.initial)
     say("the parts of the gap")
-    parts = stages.parts
+    parts = stages.portions["parts"]
     found = {
         "verdict": verdict,
         "reason": reason,
@@ -199,7 +196,7 @@ def _with_last_numbers(
         return later, later.gap, notes
 
     stages.say("the numbers")
-    return stages.numbers.do(fitted, (found, known, ()), "all of it")
+    return stages.portions["numbers"].do(fitted, (found, known, ()), "all of it")
 
 
 def _of_search(best: Explained[P], search: Portion) -> tuple[str, str]:
@@ -214,7 +211,7 @@ def _best_search(
     first: P, straight: P, steps: tuple[Step, ...], most: int, stages: Stages
 ) -> tuple[Explained[P], str]:
     """Return the search that ended best, and what to say of other starts."""
-    search, say = stages.search, stages.say
+    search, say = stages.portions["search"], stages.say
     ends = [_explain(first, Start(straight, steps), most, stages)]
     zero = search.do(
         lambda: first.zero_start(straight, ends[0].progress.problem, say), None, "the joint's own zero"
@@ -239,56 +236,40 @@ def _best_of(first: P, ends: Sequence[Explained[P]]) -> Explained[P]:
 
 
 def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[P]:
-    """Return what the search from one start comes to."""
-    initial, straight = first.initial_gap, start.problem
+    """Return what the search from one start comes to; *undecided* where the verdict is not reached."""
+    initial, given = first.initial_gap, start.problem
     before = start.steps[-1].gap_after if start.steps else initial
-    begun = Progress(straight, before, start.steps)
-    progress = straight.searched(begun, most + len(start.steps), stages.say, stages.search)
+    begun = Progress(given, before, start.steps)
+    progress = given.searched(begun, most + len(start.steps), stages.say, stages.portions["search"])
     if grows(initial, progress.gap, first.policy.trivial_share):
         progress = begun  # what predicts the runs left out worse than nothing is no answer
-    return _judged(first, start, progress, stages)
-
-
-def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) -> Explained[P]:
-    """Return what a search has come to; *undecided* where the verdict is not reached."""
     final = progress.steps[-1].gap_after if progress.steps else progress.problem.gap
     straight, problem = start.before or start.problem, progress.problem
+    words = start.words or "the model as it was given"
 
     def judged() -> Explained[P]:
-        gaps = Gaps(
-            first.initial_gap,
-            final,
-            problem.noise_floor,
-            problem.uncertainty(),
-            problem.floor_is_bound,
-            problem.moves_freely,
-        )
-        verdict, reason = judge(progress.steps, problem.residual(straight), gaps, first.policy)
-        return Explained(straight, progress, gaps, verdict, reason, start.words)
+        sure = problem.uncertainty(), problem.floor_is_bound, problem.moves_freely
+        gaps = Gaps(initial, final, problem.noise_floor, *sure)
+        said = judge(progress.steps, problem.residual(straight), gaps, first.policy)
+        return Explained(straight, progress, gaps, *said, words)
 
     stages.say("the verdict")
-    found = stages.verdict.do(judged, None, "the verdict")
-    if found is not None:
-        return found
-    gaps = Gaps(first.initial_gap, final, problem.noise_floor)
-    reason = "what a verdict rests on was not computed to its end"
-    return Explained(straight, progress, gaps, UNDECIDED, reason, start.words)
+    return stages.portions["verdict"].do(judged, None, "the verdict") or Explained(
+        straight, progress, Gaps(initial, final, problem.noise_floor), UNDECIDED,
+        "what a verdict rests on was not computed to its end", words,
+    )  # fmt: skip
 
 
 def _compare_starts(best: Explained[P], ends: Sequence[Explained[P]]) -> str:
     """Return how the searches from other starts ended, beside the one that is used."""
-    others = [f"from {_start_of(each)} {_end_of(each)}" for each in ends if each is not best]
+    others = [f"from {each.start} {_end_of(each)}" for each in ends if each is not best]
     if not others or (best is ends[0] and best.whole):
         return ""
-    return f"the search started from {_start_of(best)}, which ends with {_gaps_of(best)}; {'; '.join(others)}"
-
-
-def _start_of(end: Explained[P]) -> str:
-    return end.start or "the model as it was given"
+    return f"the search started from {best.start}, which ends with {_gaps_of(best)}; {'; '.join(others)}"
 
 
 def _end_of(end: Explained[P]) -> str:
-    names = ", ".join(_name(step) for step in end.progress.steps) or "no effect"
+    names = ", ".join(spelled(step.effect) for step in end.progress.steps) or "no effect"
     return f"it ends with {_gaps_of(end)} ({end.verdict.replace('_', ' ')}: {names})"
 
 
@@ -296,7 +277,3 @@ def _gaps_of(end: Explained[P]) -> str:
     final = end.gaps.final
     of_response = f" and {percent(final.response)} of the response" if np.isfinite(final.response) else ""
     return f"a gap of {percent(end.gaps.figures()[1])}{'' if end.gaps.of_response else of_response}"
-
-
-def _name(step: Step) -> str:
-    return UNKNOWN if step.effect == UNKNOWN else spelled(step.effect)

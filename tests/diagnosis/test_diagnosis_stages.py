@@ -199,5 +199,5 @@ def test_every_stage_has_work_and_seconds_of_its_own():
         CAMPAIGN, slowest=0.5, **{f"{stage}_work": place for place, stage in enumerate(STAGES, 1)}
     )
     stages = Stages.of(policy, lambda words: None)
-    given = [(getattr(stages, stage).most_work, getattr(stages, stage).most_seconds) for stage in STAGES]
+    given = [(each.most_work, each.most_seconds) for each in map(stages.portions.get, STAGES)]
     assert given == [(place, 2 * place) for place in range(1, 5)]

@@ -70,10 +70,8 @@ class Rotated:
         spread = []
         for low, high in zip(self._edges[:-1], self._edges[1:], strict=True):
             left, singular, _ = np.linalg.svd(white[low:high], full_matrices=True)
-            value = np.zeros(high - low)
-            value[: singular.size] = singular**2
             self._turns.append(left.T)
-            spread.append(value)
+            spread.append(np.pad(singular**2, (0, high - low - singular.size)))
         self.spread = np.concatenate(spread)
 
     def __call__(self, rows: Array) -> Array:
@@ -101,12 +99,8 @@ def _hats(place: Array) -> Array:
 
 def _kernel(place: Array, cyclic: bool) -> Array:
     apart = np.abs(place[:, None] - place)
-    if cyclic:
-        # Periodic and positive definite: the chord takes the place of the arc.
-        apart = np.sin(np.pi * apart) / np.pi
-        apart = np.abs(apart)
-    kernel: Array = np.exp(-apart / LENGTH)
-    return kernel
+    # Of a period, periodic and positive definite: the chord takes the place of the arc.
+    return np.asarray(np.exp(-(np.abs(np.sin(np.pi * apart)) / np.pi if cyclic else apart) / LENGTH))
 
 
 #: Sizes of the discrepancy that are tried, relative to the RMS of the moment. Twice as much changes little.

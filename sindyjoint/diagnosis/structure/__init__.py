@@ -43,27 +43,18 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class FittedChange:
-    """A candidate with its best numbers.
+class FittedChange(Fit):
+    """A candidate with its best numbers, those of the base beside it first.
 
     Parameters
     ----------
     change : Change
-    x : ndarray
-        Numbers of the base beside it, then its own.
     gain : float
         Fall of χ².
-    residual : ndarray, shape (rows,)
-        In units of noise.
-    jacobian : ndarray, shape (rows, x.size)
-        Its derivatives over all numbers.
     """
 
     change: Change
-    x: Array
     gain: float
-    residual: Array
-    jacobian: Array
 
     @property
     def name(self) -> str:
@@ -197,11 +188,8 @@ def parted(sizes: Sequence[int]) -> NDArray[np.intp]:
     return np.concatenate([np.empty(0, dtype=np.intp), *labels])
 
 
-def score_of(problem: OutputError, found: Any) -> Score:
-    """Return the predictive score of a fit of all its numbers, by linearisation where it ended.
-
-    ``found`` has residuals in units of noise and their derivatives.
-    """
+def score_of(problem: OutputError, found: Fit) -> Score:
+    """Return the predictive score of a fit of all its numbers, by linearisation where it ended."""
     labels = np.unique(problem.groups, return_inverse=True)[1]
     evidence = Evidence(-found.residual, labels, np.zeros(labels.size))
     return evidence.score(evidence.add(found.jacobian[:, np.any(found.jacobian != 0, axis=0)]))

@@ -219,14 +219,13 @@ def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tup
     laws = problem.laws(setup)
     motions = list(joint_motions(problem, x))
     for kind in problem.kinds:
-        angle = rate = moment = 0.0
+        peaks = np.zeros(3)
         for _, angles, rates in motions:
             for place in kind.places:
                 law, d, v = laws[place], angles[place], rates[place]
-                own = law.moment(d, v, np.sign(v), np.zeros((law.n_states, d.size)))
-                angle, rate, moment = (
-                    max(old, float(np.abs(new).max())) for old, new in ((angle, d), (rate, v), (moment, own))
-                )
+                moment = law.moment(d, v, np.sign(v), np.zeros((law.n_states, d.size)))
+                peaks = np.maximum(peaks, np.abs([d, v, moment]).max(axis=1))
+        angle, rate, moment = peaks.tolist()
         for change in joint_changes(kind.laws, effects, Reference(angle, rate), moment):
             changes.append(kind.change(change, len(problem.kinds) > 1))
     return tuple(changes)

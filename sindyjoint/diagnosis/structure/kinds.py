@@ -74,12 +74,12 @@ class JointKind:
                 setup, kinds={**setup.kinds, self.name: change.act(setup.kinds[self.name], values)}
             )
 
-        def named(name: str) -> str:
-            return f"{name} of {self.name}" if several else name
-
+        names = {
+            name: f"{name} of {self.name}" if several else name for name in {*change.names, *change.units}
+        }
         return replace(
-            change, way=f"{self.name}: {change.way}", act=act, names=tuple(map(named, change.names)),
-            units={named(name): unit for name, unit in change.units.items()}, kind=self.name,
+            change, way=f"{self.name}: {change.way}", act=act, names=tuple(names[name] for name in change.names),
+            units={names[name]: unit for name, unit in change.units.items()}, kind=self.name,
         )  # fmt: skip
 
     def whole(self, numbers: Mapping[str, float], after: JointModel, found: Sequence[Change]) -> JointModel:

@@ -281,28 +281,31 @@ def warnings_of(
 
     Records may be simulated (``virtual``), the model be ``drawn`` from the rig's own law, and ``others`` be held out.
     """
-    lines = []
-    if virtual:
-        lines.append("the response is simulated (a virtual pulse test of the rig), not measured")
-    if drawn:
-        share = 100 * problem.policy.trivial_share
-        lines.append(
-            f"no model was given: the terms of the rig's own joint were taken as known to {share:.3g} %"
-        )
-    if not others:
-        lines.append(
+    said = [
+        (virtual, "the response is simulated (a virtual pulse test of the rig), not measured"),
+        (
+            drawn,
+            "no model was given: the terms of the rig's own joint were taken as known to "
+            f"{100 * problem.policy.trivial_share:.3g} %",
+        ),
+        (
+            not others,
             f"one pulse only: the model is fitted to its first {records[0].held_from:.3g} s, the gaps are those of "
-            "what follows"
-        )
-    for record, noise in zip(problem.records, problem.noise, strict=True):
-        if noise.length > 3:
-            lines.append(
-                f"the noise at {record.point} is not white: {noise.length:.3g} neighbouring samples count as one"
+            "what follows",
+        ),
+        *(
+            (
+                noise.length > 3,
+                f"the noise at {record.point} is not white: {noise.length:.3g} neighbouring samples count as one",
             )
-    for error, noise in zip(problem.step_error, problem.noise, strict=False):
-        if np.sqrt(np.mean(error**2)) > 3 * noise.sigma:
-            lines.append(
-                f"the time step of {problem.rig.step:g} s is coarse for this noise; reduce step in [output]"
-            )
-            break
-    return tuple(lines)
+            for record, noise in zip(problem.records, problem.noise, strict=True)
+        ),
+        (
+            any(
+                np.sqrt(np.mean(error**2)) > 3 * noise.sigma
+                for error, noise in zip(problem.step_error, problem.noise, strict=False)
+            ),
+            f"the time step of {problem.rig.step:g} s is coarse for this noise; reduce step in [output]",
+        ),
+    ]
+    return tuple(words for so, words in said if so)

@@ -142,17 +142,16 @@ class PulseProblem(OutputError):
             lambda hinge: law if hinge.name in self.places else hinge.law,
         )
         points = tuple(dict.fromkeys(r.point for r in self.records))
-        found: dict[float, dict[str, Array]] = {}
+        step, modes = rig.step if step is None else step, min(rig.modes, 6)
         try:
-            for rate in {r.sample_rate for r in self.records}:
-                # Modes are added to the search only as far as records can show them.
-                found[rate] = rig.respond(
-                    points=points, duration=duration, sample_rate=rate, modes=min(rig.modes, 6),
-                    step=rig.step if step is None else step,
-                ).displacement  # fmt: skip
+            # Modes are added to the search only as far as records can show them.
+            found = {
+                rate: rig.respond(points=points, duration=duration, sample_rate=rate, modes=modes, step=step)
+                for rate in {r.sample_rate for r in self.records}
+            }
         except (SimulationError, InputError, np.linalg.LinAlgError):
             return None
-        motions = tuple(found[r.sample_rate][r.point] for r in self.records)
+        motions = tuple(found[r.sample_rate].displacement[r.point] for r in self.records)
         if not all(np.all(np.isfinite(m)) for m in motions):
             return None
         if len(self._kept) > 64:
@@ -302,14 +301,14 @@ def record_noise(
     (True, True)
     """
     values = np.asarray(displacement, dtype=np.float64)
-    white = noise_by_differences(values, 4)
+    least = max(noise_by_differences(values, 4), 1e-9 * float(np.std(values)))
     frequency = main_frequency(values, sample_rate)
     late = values[-max(int(policy.late_share * values.size), min(values.size, 64)) :]
     # Window by window, each of three main periods, by at most five lines.
     width = int(3.0 * sample_rate / frequency)
     count = late.size // max(width, 1)
     if count < 1 or width < 24:
-        return RecordNoise(max(white, 1e-9 * float(np.std(values))), 1.0)
+        return RecordNoise(least, 1.0)
     width = late.size // count
     windows = late[-count * width :].reshape(count, width)
     lines = [_refined(windows, sample_rate, [], frequency, sample_rate / values.size)]
@@ -320,7 +319,6 @@ def record_noise(
             break
         lines.append(_refined(windows, sample_rate, lines, extra, sample_rate / width))
     sigma = float(np.sqrt(np.sum(residual**2) / max(count * (width - used), 1)))
-    least = max(white, 1e-9 * float(np.std(values)))
     return RecordNoise(max(sigma, least), _length(residual) if sigma > 0 else 1.0)
 
 

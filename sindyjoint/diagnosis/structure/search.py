@@ -70,9 +70,7 @@ def _search(
     for index, horizon in enumerate(steps):
         words = f"over {horizon:.3g} s" if horizon else "in the steady motion"
         say(f"trying {len({c.effect.id for c, _ in alive})} effects {words}")
-        jacobian = _base_jacobian(problem, anchor, horizon)
-        if jacobian is None:
-            jacobian = _base_jacobian(problem, (start, None), horizon)
+        jacobian = _base_jacobian(problem, (anchor, (start, None)), horizon)
         if index == 0 and len(alive) > SCREENED:
             alive = _screened(problem.near(start), alive, horizon, jacobian)
         fits = _fits(problem, alive, horizon, jacobian, 6)
@@ -143,13 +141,14 @@ def _linear(columns: Array, residual: Array) -> tuple[float, Array]:
 
 
 def _base_jacobian(
-    problem: PulseProblem, anchor: tuple[Array, Change | None], horizon: float
+    problem: PulseProblem, anchors: Sequence[tuple[Array, Change | None]], horizon: float
 ) -> Array | None:
-    x, change = anchor
-    residual = problem.residuals(x, horizon, change)
-    if residual is None:
-        return None
-    return problem.derivatives(x, residual, horizon, range(problem.base_size), change)
+    """Return the columns of the base at the first of some numbers that can be simulated."""
+    for x, change in anchors:
+        residual = problem.residuals(x, horizon, change)
+        if residual is not None:
+            return problem.derivatives(x, residual, horizon, range(problem.base_size), change)
+    return None
 
 
 def _screened(
@@ -202,9 +201,7 @@ def _refined(problem: PulseProblem, base: Fit, fits: Sequence[tuple[Change, Fit]
 
     again = _parallel(one, first)
     pairs = [(c, f) for (c, _), f in zip(first, again, strict=True)] + list(order[REFINED:])
-    return [
-        FittedChange(change, f.x, max(base.cost - f.cost, 0.0), f.residual, f.jacobian) for change, f in pairs
-    ]
+    return [FittedChange(**vars(f), change=change, gain=max(base.cost - f.cost, 0.0)) for change, f in pairs]
 
 
 def _linearised(
@@ -233,7 +230,7 @@ def _linearised(
         at[places] = number
         nonlinear = np.zeros((there.size, change.size - len(places)))
         jacobian = np.hstack([whole, nonlinear])
-        return FittedChange(change, at, base.cost - least, there + whole @ numbers, jacobian)
+        return FittedChange(at, least, there + whole @ numbers, jacobian, change, base.cost - least)
 
     rows = problem.rows()
     guessed = [each for each in _parallel(linear, tried) if each is not None]
