@@ -84,9 +84,7 @@ def check_output(path: str | os.PathLike[str]) -> Path:
         When the path or one of its parents is a file, or the system refuses to write there.
     """
     folder = Path(path)
-    existing = folder
-    while not os.path.exists(existing) and existing != existing.parent:
-        existing = existing.parent
+    existing = next(filter(os.path.exists, (folder, *folder.parents)), folder)
     with _writing(folder):
         # Of a name that is too long, or of a loop of links, the system says so at once.
         for path in (*(existing / part for part in folder.parts[len(existing.parts) :]), folder):
@@ -240,9 +238,7 @@ def settle(path: str | os.PathLike[str]) -> None:
     target = Path(path)
     mark = _name_prefix(target)
     with suppress(OSError):
-        for leftover in sorted(target.parent.iterdir()):
-            if not (leftover.name.startswith(mark) and leftover.name.endswith(".part")):
-                continue
+        for leftover in sorted(target.parent.glob(f"{mark}*.part")):
             with hold_folder(leftover) as held:
                 if not held:
                     continue

@@ -334,13 +334,15 @@ class DeclaredInputs:
 
     def __init__(self, manifest: Manifest, file: str):
         self.file, self.tables = file, dict(manifest.inputs)
-        for number, run in enumerate(manifest.run, start=1):
-            unknown = sorted(set(run.inputs) - set(self.tables))
-            if unknown:
-                raise InputError(
-                    f"{file}: [[run]] {number} inputs: {unknown[0]!r} is not declared; add it to [inputs] (declared "
-                    f"there: {', '.join(self.tables) or 'none'})"
-                )
+        refuse(
+            (
+                name not in self.tables,
+                f"{file}: [[run]] {number} inputs: {name!r} is not declared; add it to [inputs] (declared there: "
+                f"{', '.join(self.tables) or 'none'})",
+            )
+            for number, run in enumerate(manifest.run, start=1)
+            for name in sorted(run.inputs)
+        )
         self.inputs: dict[str, Input] = {}
         for name, table in self.tables.items():
             values = [table.constant, *(run.inputs.get(name) for run in manifest.run), table.reference]
@@ -445,9 +447,10 @@ def inputs_of_runs(
         unit = units.get(name) or (split_quantity(texts[0], f"inputs {name}", "K")[1] if texts else "1")
         each = made_input(name, unit, f"inputs {name}", references.get(name))
         for run, value in zip(runs, own, strict=True):
-            if isinstance(value, str):
-                run[name] = value_in(each, value, f"inputs {name}")
-            else:
-                run[name] = each.zero + each.factor * np.asarray(value, dtype=np.float64)
+            run[name] = (
+                value_in(each, value, f"inputs {name}")
+                if isinstance(value, str)
+                else each.zero + each.factor * np.asarray(value, dtype=np.float64)
+            )
         declared.append(each)
     return declared, runs

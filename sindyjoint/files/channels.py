@@ -91,24 +91,30 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
             "'translation'",
         )
     ]
-    for quantity in ("moment", "angle", "rate"):
-        wrong, right = KEYS[other][quantity][0], KEYS[motion][quantity][0]
-        text = f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion"
-        faults.append((getattr(channels, wrong) is not None, text))
-    faults.append(
+    keys = [(KEYS[other][each][0], KEYS[motion][each][0]) for each in ("moment", "angle", "rate")]
+    both = channels.skew is not None and channels.skew_removed is not None
+    faults += [
+        (
+            getattr(channels, wrong) is not None,
+            f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion",
+        )
+        for wrong, right in keys
+    ]
+    faults += [
         (
             (channels.time is None) == (channels.rate is None),
             f"{where}: expected time (a column, or 'none' for quasi-static samples) or rate (such as '1 kHz'), not "
             f"{given}",
-        )
-    )
-    for key in (KEYS[motion]["rate"][0], "skew", "skew_removed", "resample"):
-        text = f"{where} {key}: time = 'none' says that the samples have no time; leave it out"
-        faults.append((untimed and getattr(channels, key), text))
-    both = channels.skew is not None and channels.skew_removed is not None
-    faults.append(
-        (both, f"{where} skew: skew_removed states that it is removed already; give one of the two")
-    )
+        ),
+        *(
+            (
+                untimed and getattr(channels, key),
+                f"{where} {key}: time = 'none' says that the samples have no time; leave it out",
+            )
+            for key in (KEYS[motion]["rate"][0], "skew", "skew_removed", "resample")
+        ),
+        (both, f"{where} skew: skew_removed states that it is removed already; give one of the two"),
+    ]
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
         key = KEYS[motion][quantity][0]
         channel: Channel | None = getattr(channels, key)
@@ -276,8 +282,7 @@ class RunReader:
     def _wanted(self) -> list[Column]:
         axis = self.channels.time
         wanted = [axis.column if isinstance(axis, TimeChannel) else None]
-        for _, _, _, channel in declared(self.channels, self.motion):
-            wanted += channel.columns
+        wanted += [column for *_, each in declared(self.channels, self.motion) for column in each.columns]
         wanted += [each.column for each in self.inputs.values()]
         if self.rig is not None:
             wanted += [*(self.rig.strain or []), *(self.rig.displacement or [])]
@@ -390,10 +395,8 @@ class RunReader:
             "acceleration": ("acceleration.delay", None if own is None else own.delay),
         }
         for late, (key, given) in lags.items():
-            if given is None or late not in signals:
-                continue
-            samples = parse_quantity(given, "s", f"{self.manifest}: [channels] {key}") * rate
-            if samples == 0:
+            samples = rate * (parse_optional(given, "s", f"{self.manifest}: [channels] {key}") or 0.0)
+            if samples == 0 or late not in signals:
                 continue
             lost, n = margin(samples), signals[late].size
             if n <= 4 * lost:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sindyjoint.errors import InputError, UnknownNameError, nearest
+from sindyjoint.errors import InputError, UnknownNameError, nearest, refuse
 from sindyjoint.files.channels import CHANNEL_KEYS, KEYS
 from sindyjoint.files.drafting.survey import (
     LOADS,
@@ -125,11 +125,14 @@ def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
     motion: Motion = guess if answer is None else answer
     other: Motion = "rotation" if motion == "translation" else "translation"
-    for key in sorted(_OWN[other] & answered):
-        raise InputError(
+    refuse(
+        (
+            key in _OWN[other],
             f"{key!r} is answered, and the joint is one in {motion}; expected {', '.join(sorted(_OWN[motion]))}, or "
-            f"motion={other}"
+            f"motion={other}",
         )
+        for key in sorted(answered)
+    )
     for quantity, (key, si) in KEYS[motion].items():
         unit, gain = answers.get(f"{key}.unit"), answers.get(f"{key}.gain")
         if quantity == "inertia" and key in answers:

@@ -6,7 +6,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from sindyjoint.errors import InputError, nearest
+from sindyjoint.errors import InputError, nearest, refuse
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.assignment import (
     NO_LOAD,
@@ -151,13 +151,15 @@ def draft_manifest(
         raise InputError(
             "no file holds columns of numbers: " + "; ".join(f"{file}: {why}" for file, why in left[:3])
         )
-    for bundle in bundles:
-        # The constants of the rig, which raw strain gauges and laser spots need, stand in no file.
-        if {"e1", "e2", "e3", "e4"} <= {column.title for column in bundle.columns}:
-            raise InputError(
-                f"{bundle.name}: holds strain gauges (e1 to e4), which need the constants of the rig; write "
-                "campaign.toml by hand with a [rig], as the guide shows"
-            )
+    # The constants of the rig, which raw strain gauges and laser spots need, stand in no file.
+    refuse(
+        (
+            {"e1", "e2", "e3", "e4"} <= {column.title for column in bundle.columns},
+            f"{bundle.name}: holds strain gauges (e1 to e4), which need the constants of the rig; write campaign.toml "
+            "by hand with a [rig], as the guide shows",
+        )
+        for bundle in bundles
+    )
     motion = find_motion(bundles, dialogue)
     assigned: list[tuple[Bundle, dict[str, Column]]] = []
     runs: list[_Run] = []
@@ -262,13 +264,15 @@ def _draft_run(
     of_motion = "angle" if "angle" in columns else "acceleration"
     angle = columns[of_motion]
     moment = columns["moment"].values if "moment" in columns else np.zeros_like(angle.values)
-    for column in (columns[name] for name in (of_motion, "moment") if name in columns):
-        if np.ptp(column.values) == 0:
-            raise InputError(
-                f"{bundle.name}: column {column.key} never changes; check its cable, or name another column with --set"
-            )
-    if angle.values.size != moment.size:
-        raise InputError(f"{bundle.name}: its channels differ in length")
+    read = [angle, columns.get("moment", angle)]
+    still = [
+        (
+            np.ptp(column.values) == 0,
+            f"{bundle.name}: column {column.key} never changes; check its cable, or name another column with --set",
+        )
+        for column in read
+    ]
+    refuse([*still, (angle.values.size != moment.size, f"{bundle.name}: its channels differ in length")])
     unit, gain = units[of_motion]
     si, raw = KEYS[motion][of_motion][1], needs_gain(unit)
     factor = 1.0 if raw and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
@@ -362,10 +366,12 @@ def _write(
     stems = [str(PurePosixPath(run.file).with_suffix("")) for run in runs]
     once = len({run.run for run in runs}) == len(runs)
     names = [(run.run if once else f"{run.file} {run.run}") if run.run else run.file for run in runs]
-    kept = [each.strip() for each in dialogue.answers.get("validate", "").split(",") if each.strip()]
-    for each in kept:
-        if each not in (*names, *stems):
-            raise InputError(f"validate = {each!r} is no run; {nearest(each, names, 'runs there:')}")
+    known, answer = {*names, *stems}, dialogue.answers.get("validate", "")
+    kept = [each for each in map(str.strip, answer.split(",")) if each]
+    refuse(
+        (each not in known, f"validate = {each!r} is no run; {nearest(each, names, 'runs there:')}")
+        for each in kept
+    )
     entries = [
         [
             f"file = {toml_value(run.file)}",

@@ -15,7 +15,7 @@ from sindyjoint.files.atomic import write_text
 from sindyjoint.files.drafting.assignment import Question
 from sindyjoint.files.drafting.draft import Draft, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
-from sindyjoint.files.manifest import MANIFEST_NAME, Channel, Channels, Manifest, TimeChannel
+from sindyjoint.files.manifest import MANIFEST_NAME, Channel, Manifest, TimeChannel
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class Initialised(Described):
         lines += [f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]]
         lines += [f"  kept: {key} = {value}; --set {key}=... changes it" for key, value in self.kept.items()]
         runs = f" for all {len(draft.runs)} runs" if len(draft.runs) > 1 else ""
-        for each in draft.questions[: SHOWN // 2]:
-            lines.append(f"  guessed: {each.key} = {each.guess}{runs}; --set {each.key}=... sets it")
+        guesses = ((each.key, each.guess) for each in draft.questions[: SHOWN // 2])
+        lines += [f"  guessed: {key} = {guess}{runs}; --set {key}=... sets it" for key, guess in guesses]
         return lines
 
     @property
@@ -199,7 +199,9 @@ def _answers_in(manifest: str) -> dict[str, set[str | None]]:
     said = defaultdict[str, set[str | None]](set)
     for key in read.joint.model_fields_set & {"name", "motion", "inertia", "mass"}:
         said[key].add(getattr(read.joint, key))
-    rates = {run.file: _rate_in(read.channels.overridden_by(run.channels)) for run in read.run}
+    own = {run.file: read.channels.overridden_by(run.channels) for run in read.run}
+    stated = {file: "none" if channels.time == "none" else channels.rate for file, channels in own.items()}
+    rates = {file: f"{rate} Hz" if isinstance(rate, float) else rate for file, rate in stated.items()}
     several = len(set(rates.values())) > 1
     each = ", ".join(f"{file}: {rate}" for file, rate in rates.items() if rate)
     said["rate"] |= {each} if several else set(rates.values())
@@ -223,11 +225,6 @@ def _answers_in(manifest: str) -> dict[str, set[str | None]]:
         for key, values in said.items()
         if not any(g.startswith(f"{key} = ") for g in read.guessed)
     }
-
-
-def _rate_in(channels: Channels) -> str | None:
-    rate = "none" if channels.time == "none" else channels.rate
-    return f"{rate} Hz" if isinstance(rate, float) else rate
 
 
 def _kept(

@@ -262,13 +262,11 @@ def offer_inputs(bundles: Sequence[Bundle]) -> dict[str, str]:
     """Return what has one value in each run, and others in others, as a temperature or a preload, and the offer."""
     found: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for bundle in bundles:
-        for column in bundle.columns:
-            if column.role not in ("time", "counter"):
-                found[column.title].append((float(np.mean(column.values)), float(np.std(column.values))))
         rates = {title for title, _ in _named_rates(bundle.scalars)}
-        for title, value in bundle.scalars:
-            if title not in rates:
-                found[title].append((value, 0.0))
+        own = [(c.title, c.values) for c in bundle.columns if c.role not in ("time", "counter")]
+        own += [(title, np.array([value])) for title, value in bundle.scalars if title not in rates]
+        for title, signal in own:
+            found[title].append((float(np.mean(signal)), float(np.std(signal))))
     offered = {}
     for title, values in found.items():
         levels, within = np.transpose(values)

@@ -177,7 +177,9 @@ def survey_folder(folder: Path) -> tuple[tuple[Bundle, ...], tuple[tuple[str, st
             with suppress(SindyJointError):
                 text = read_regular(path, 1 << 16).decode("utf-8", "replace")
                 notes.append((*os.path.splitext(name), text))
-    own = {name: max((s for s, *_ in notes if _begins(name, s)), key=len, default=None) for name in names}
+    # A file is called as its note but for what follows, as run1_torque.csv and run1.json are.
+    begun = {n: [s for s, *_ in notes if n.startswith(s) and not n[len(s) :][:1].isalnum()] for n in names}
+    own = {name: max(stems, key=len, default=None) for name, stems in begun.items()}
     shared = [each for each in notes if each[0] not in own.values()]
     told = tuple(
         replace(
@@ -185,21 +187,16 @@ def survey_folder(folder: Path) -> tuple[tuple[Bundle, ...], tuple[tuple[str, st
             notes=tuple(
                 (f"its {ending} file", text) for stem, ending, text in notes if stem == own[file.name]
             )
-            or tuple((stem + ending, text) for stem, ending, text in shared if _is_above(stem, file.name)),
+            # Of all files in its folder, or below it.
+            or tuple(
+                (stem + ending, text)
+                for stem, ending, text in shared
+                if file.name.startswith(stem.rpartition("/")[0])
+            ),
         )
         for file in files
     )
     return told, tuple(each for each in left_out if os.path.splitext(each[0])[0] not in own.values())
-
-
-def _begins(name: str, stem: str) -> bool:
-    """Return whether a file is called as a note but for what follows, as run1_torque.csv and run1.json are."""
-    return name.startswith(stem) and not name[len(stem) :][:1].isalnum()
-
-
-def _is_above(stem: str, name: str) -> bool:
-    """Return whether a note lies in the folder of a file, or in one above it."""
-    return name.startswith(stem.rpartition("/")[0])
 
 
 def _read(path: Path, name: str) -> Bundle:

@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.readers import (
     MOST_COLUMNS,
     UNIT_KEYS,
@@ -210,10 +210,11 @@ def _vectors(
             "is virtual: its numbers lie in other files": stored and item.is_virtual,
             "keeps its numbers in another file": stored and item.external,
         }
-        for why in (why for why, so in elsewhere.items() if so):
-            raise InputError(
-                f"{path}: data set {name!r:.60} {why}; copy the numbers into one file (h5repack does)"
-            )
+        said = f"{path}: data set {name!r:.60}"
+        refuse(
+            (so, f"{said} {why}; copy the numbers into one file (h5repack does)")
+            for why, so in elsewhere.items()
+        )
         if isinstance(item, h5py.Group) and not key.startswith("#"):
             yield from _vectors(item, h5py, path, f"{name}/", (*above, group))
         elif stored and (item.dtype.names or item.dtype.kind in "fiub"):

@@ -5,13 +5,14 @@ import logging
 import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.readers import UNIT_KEYS, Table, check_bytes, foreign, library, short_names
 from sindyjoint.files.readers.text import decode_text, is_number
 
@@ -84,15 +85,9 @@ def _pairs(rows: Sequence[Sequence[str]]) -> dict[str, list[str]]:
 
 def _segment(path: Path, table: list[list[str]], end: int, before: int) -> Segment:
     """Return the segment whose header ends in one line and began after another, or after the rows above it."""
-    start = end
-    while start > before + 1 and table[start - 1][0] and not is_number(table[start - 1][0]):
-        start -= 1
-    rows = []
-    for row in table[end + 2 :]:
-        if not any(row) or row[0] in (END, "Channels"):
-            break
-        rows.append(row)
-    header = _pairs(table[start:end])
+    above = takewhile(lambda row: row[0] and not is_number(row[0]), reversed(table[before + 1 : end]))
+    header = _pairs([*above][::-1])
+    rows = list(takewhile(lambda row: any(row) and row[0] not in (END, "Channels"), table[end + 2 :]))
     # More rows than the header states are of later writes below the same header.
     stated = max((int(count) for count in header.get("Samples", []) if count), default=0)
     if len(rows) < stated:
@@ -219,12 +214,14 @@ def read_uff(path: Path, data: bytes) -> Table:
         sets = [file.read_sets(int(n)) for n in np.flatnonzero(np.asarray(file.get_set_types()) == 58)]
     if not sets:
         raise InputError(f"{path}: holds no complete data set 58; it may be truncated or of another format")
-    for number, function in enumerate(sets, start=1):
-        if np.size(function["data"]) != int(function["num_pts"]):
-            raise InputError(
-                f"{path}: function {number} announces {int(function['num_pts'])} values and holds "
-                f"{np.size(function['data'])}; the file may be truncated"
-            )
+    sizes = [(int(function["num_pts"]), np.size(function["data"])) for function in sets]
+    refuse(
+        (
+            stated != held,
+            f"{path}: function {number} announces {stated} values and holds {held}; the file may be truncated",
+        )
+        for number, (stated, held) in enumerate(sizes, start=1)
+    )
     candidates = [_candidates(function) for function in sets]
     flat = [name for names in candidates for name in names]
     unique = [[name for name in names if flat.count(name) == 1] for names in candidates]

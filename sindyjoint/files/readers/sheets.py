@@ -49,13 +49,11 @@ def read_parquet(path: Path, data: bytes | None = None) -> Table:
 
     def largest(column: str | int) -> float | None:
         name = schema.names[column - 1] if isinstance(column, int) else column
-        ends = []
-        for group in groups:
-            found = [c for c in map(group.column, range(group.num_columns)) if c.path_in_schema == name]
-            if not found or not found[0].is_stats_set or not found[0].statistics.has_min_max:
-                return None
-            ends += [found[0].statistics.min, found[0].statistics.max]
-        return max((abs(float(end)) for end in ends), default=None)
+        parts = [group.column(i) for group in groups for i in range(group.num_columns)]
+        found = [part.statistics for part in parts if part.path_in_schema == name and part.is_stats_set]
+        if len(found) < len(groups) or not all(each.has_min_max for each in found):
+            return None
+        return max((abs(float(end)) for each in found for end in (each.min, each.max)), default=None)
 
     return _table(path, schema, sizes, batches, largest=largest)
 
