@@ -6,7 +6,7 @@ the same few multiplications of the compiled integrators.
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from math import inf
+from math import comb, inf
 from typing import Literal, Self
 
 import numpy as np
@@ -90,9 +90,7 @@ class Excitation:
             return values[order]
         r = np.clip(t / self.ramp, 0, 1)
         fade = [r * r * (3 - 2 * r), 6 * r * (1 - r) / self.ramp, (r < 1) * (6 - 12 * r) / self.ramp**2]
-        if order == 2:
-            return values[2] * fade[0] + 2 * values[1] * fade[1] + values[0] * fade[2]
-        return values[order] * fade[0] + (values[0] * fade[1] if order else 0.0)
+        return np.asarray(sum(comb(order, k) * values[order - k] * fade[k] for k in range(order + 1)))
 
     def mean(self, start: ArrayLike, stop: ArrayLike) -> Array:
         """Return the exact mean over each time from `start` to `stop`, for an excitation without ramp or period."""

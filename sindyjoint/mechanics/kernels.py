@@ -117,16 +117,11 @@ def copied(count, source, target):
         target[i] = source[i]
 
 
-@njit(cache=True, error_model="numpy")
-def paper_law(theta, omega, direction, state, parameters, out):
+@cfunc(LAW_SIGNATURE, cache=True, error_model="numpy")
+def PAPER_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802
     """Five-term law (paper Eq. 6); parameters k1, k2, k3, c1, M_F."""
     elastic = theta * (parameters[0] + theta * (parameters[1] + theta * parameters[2]))
     out[0] = elastic + parameters[3] * omega + parameters[4] * direction
-
-
-@cfunc(LAW_SIGNATURE, cache=True, error_model="numpy")
-def PAPER_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802, D103
-    paper_law(theta, omega, direction, state, parameters, out)
 
 
 @njit(cache=True, nogil=True, no_cfunc_wrapper=True)

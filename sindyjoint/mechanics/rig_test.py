@@ -330,7 +330,7 @@ def write_rig_test(
     document["loss_frequency"] = f"{test.structure.loss_frequency!r} Hz"
     document["time"] = {"column": "time", "unit": "s"}
     drive = document.setdefault("drive", {})
-    drive |= {"column": "drive", "unit": UNITS[given.drive.quantity].replace("**", "^")}
+    drive |= {"column": DRIVE, "unit": UNITS[given.drive.quantity].replace("**", "^")}
     for table, sensor in zip(document["sensor"], given.sensor, strict=True):
         table |= {"unit": UNITS[sensor.quantity].replace("**", "^")}
     for key in ("pulse", "output", "recorder", "measured"):
@@ -343,10 +343,8 @@ def write_rig_test(
     ]
     with output_folder(folder, "rig-test", force=force) as stage:
         for run in test.runs:
-            columns = {"time": (np.arange(run.drive.size) / run.sample_rate), "drive": run.drive}
-            columns |= {
-                sensor.name: signal for sensor, signal in zip(test.sensors, run.responses, strict=True)
-            }
+            columns = dict(zip(test.channels, run.signals, strict=True))
+            columns = {"time": np.arange(run.drive.size) / run.sample_rate, **columns}
             (stage / files[run.name]).write_bytes(ENCODERS[format](columns, REMARK))
         (stage / "rig.toml").write_text(_toml(document), encoding="utf-8", newline="\n")
     return Path(folder) / "rig.toml"

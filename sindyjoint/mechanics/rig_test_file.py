@@ -276,12 +276,14 @@ def _pulse_test(given: RigFile, path: Path) -> RigTest:
     assert given.pulse is not None
     records = [read_measured(table, path) for table in given.measured]
     rate = records[0].sample_rate
-    for table, record in zip(given.measured, records, strict=True):
-        if abs(record.sample_rate / rate - 1) > SAME:
-            raise InputError(
-                f"{table.file}: {record.sample_rate:.6g} Hz beside {rate:.6g} Hz of {given.measured[0].file}; expected "
-                "records of one rate: resample one"
-            )
+    refuse(
+        (
+            abs(record.sample_rate / rate - 1) > SAME,
+            f"{table.file}: {record.sample_rate:.6g} Hz beside {rate:.6g} Hz of {given.measured[0].file}; expected "
+            "records of one rate: resample one",
+        )
+        for table, record in zip(given.measured, records, strict=True)
+    )
     n = min(record.displacement.size for record in records)
     time = np.arange(n) / rate
     force = build_excitation(given.pulse, path).mean(time - 0.5 / rate, time + 0.5 / rate)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
@@ -202,17 +201,9 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         pulse_uncertainty=given.pulse.uncertainty,
     )  # fmt: skip
     times = {name: getattr(rig, name) for name in ("duration", "sample_rate", "step")}
-    _check_sizes(items, times, where)
-    structure = solvable_structure(items, stiffness)
-    for name in (rig.at, *rig.points, *(record.point for record in records)):
-        structure.point(name)
-    return rig
-
-
-def _check_sizes(items: Sequence[Item], times: Mapping[str, float], where: str) -> None:
-    """Refuse what would take hours or all memory to simulate."""
+    # What would take hours or all memory to simulate.
     elements = sum(item.elements for item in items if isinstance(item, Beam))
-    steps = times["duration"] * max(1 / (times["step"] or np.inf), times["sample_rate"])
+    steps = rig.duration * max(1 / (rig.step or np.inf), rig.sample_rate)
     refuse(
         [
             (
@@ -233,6 +224,10 @@ def _check_sizes(items: Sequence[Item], times: Mapping[str, float], where: str) 
             ),
         ]
     )
+    structure = solvable_structure(items, stiffness)
+    for name in (rig.at, *rig.points, *(record.point for record in records)):
+        structure.point(name)
+    return rig
 
 
 def solvable_structure(items: Sequence[Item], clamp_stiffness: float) -> Structure:
@@ -320,19 +315,6 @@ def _uniform_rate(file: Path, time: Array) -> float:
     return 1 / float(np.mean(steps))
 
 
-def _on_grid(
-    file: Path, time: Array, signals: dict[str, Array], present: NDArray[np.bool_]
-) -> tuple[dict[str, Array], float, NDArray[np.bool_]]:
-    """Return signals on the whole grid of a recorder that lost rows, its rate, Hz, and which samples it holds."""
-    whole = with_lost_samples(time, signals)
-    if whole is None:
-        return signals, _uniform_rate(file, time), present
-    filled, rate, recorded = whole
-    there: NDArray[np.bool_] = np.zeros((len(present), recorded.size), dtype=bool)
-    there[:, recorded] = present
-    return filled, rate, there
-
-
 def _read_series(
     file: Path, time: ColumnTable, name: str, channel: ColumnTable, target: str
 ) -> tuple[Array, float]:
@@ -366,7 +348,16 @@ def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     stamps, *values = read.columns([given.time.column, *(channel.column for channel in channels)], gaps=True)
     pairs = enumerate(zip(values, factors, strict=True))
     held = {str(at): bridged(each) * factor for at, (each, factor) in pairs}
-    held, rate, present = _on_grid(file, bridged(stamps) * seconds, held, np.isfinite(values))
+    time, present = bridged(stamps) * seconds, np.isfinite(values)
+    whole = with_lost_samples(time, held)
+    if whole is None:
+        rate = _uniform_rate(file, time)
+    else:
+        # Of a recorder that lost rows the whole grid.
+        held, rate, recorded = whole
+        there = np.zeros((len(present), recorded.size), dtype=bool)
+        there[:, recorded] = present
+        present = there
     drive, *responses = held.values()
     frequency = parse_optional(table.frequency, "Hz", f"{file}: frequency")
     columns: list[tuple[str, Any]] = [("time", given.time), (DRIVE, given.drive)]

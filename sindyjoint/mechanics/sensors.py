@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.errors import refuse
@@ -85,15 +84,6 @@ def delayed(time: Array, fine_time: Array, fine_signal: Array, delay: float) -> 
     return np.interp(time - delay, fine_time, fine_signal)
 
 
-def anti_aliased(signal: Array, finer: int) -> Array:
-    """Return every so many-th sample of a finely sampled signal behind an anti-alias filter without phase.
-
-    An acceleration jumps where friction does. Sampled without a filter, the place of a jump between two samples is
-    lost, and with it what the jump does to the rate.
-    """
-    return signal if finer == 1 else np.asarray(scipy.signal.resample_poly(signal, 1, finer))
-
-
 def raw_channels(
     moment: ArrayLike, angle: ArrayLike, channel: Channel, generator: np.random.Generator
 ) -> dict[str, Array]:
@@ -118,9 +108,3 @@ def raw_channels(
     spots = SENSOR_RIG.displacements(theta, 0.1 * SENSOR_RIG.joint_length * theta)
     names = [*(f"e{i}" for i in range(1, 5)), *(f"d{i}" for i in range(1, 4))]
     return {name: channel.read(x, generator) for name, x in zip(names, [*strains, *spots], strict=True)}
-
-
-def from_raw_channels(raw: dict[str, Array]) -> tuple[Array, Array]:
-    """Moment and angle of raw channels by Eqs. 1–3, each of shape (n,)."""
-    strains = np.stack([raw[f"e{i}"] for i in range(1, 5)])
-    return SENSOR_RIG.moment(strains), SENSOR_RIG.angle(np.stack([raw[f"d{i}"] for i in range(1, 4)]))

@@ -235,11 +235,11 @@ def _collect_response(record: _Motion, points: Sequence[str], parts: int, events
     lost = float(np.sum((middle @ structure.damping) * middle)) * record.step
     keep = slice(None, None, parts)
     q, v = record.q[keep], record.v[keep]
+    stored = [_integrate_elastic_energy(hinge.law, q[:, j]) for j, hinge in enumerate(structure.hinges)]
     energy = 0.5 * (
         np.einsum("ti,ti->t", v @ structure.mass, v) + np.einsum("ti,ti->t", q @ structure.stiffness, q)
     )
-    for j, hinge in enumerate(structure.hinges):
-        energy += _integrate_elastic_energy(hinge.law, q[:, j])
+    energy += sum(stored)
     rows = {name: structure.point(name) for name in points}
     return Response(
         time=record.grid[keep], displacement={name: q @ row for name, row in rows.items()},

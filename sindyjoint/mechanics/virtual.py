@@ -12,7 +12,7 @@ from sindyjoint.errors import InputError, SimulationError, UnknownNameError, che
 from sindyjoint.measurement.runs import measured_run
 from sindyjoint.mechanics import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.excitation import SINE, Excitation, tones
-from sindyjoint.mechanics.sensors import Channel, anti_aliased, delayed, from_raw_channels, raw_channels
+from sindyjoint.mechanics.sensors import SENSOR_RIG, Channel, delayed, raw_channels
 from sindyjoint.mechanics.stickslip import prescribed_motion, simulate
 from sindyjoint.numeric import RNG, Array
 from sindyjoint.record import Campaign, Joint, Run
@@ -216,9 +216,9 @@ class VirtualTest:
             )  # fmt: skip
         time, angle, moment = motion.time, motion.angle, motion.moment
         kept = slice(start * finer, (start + n) * finer, finer)
-        shown = anti_aliased(motion.acceleration, finer)[start : start + n]
-        if not self.skew:
-            return moment[kept], angle[kept], shown
+        # An acceleration jumps where friction does. Sampled without an anti-alias filter, the place of a jump between
+        # two samples is lost, and with it what the jump does to the rate.
+        shown = np.asarray(scipy.signal.resample_poly(motion.acceleration, 1, finer))[start : start + n]
         return delayed(time[kept], time, moment, self.skew), angle[kept], shown
 
     def measured(
@@ -231,7 +231,8 @@ class VirtualTest:
         angle = self.angle_channel.gain * angle + self.angle_channel.offset
         errors = Channel(noise=self.moment_channel.noise, bits=self.moment_channel.bits)
         raw = raw_channels(moment, angle, errors, generator)
-        return *from_raw_channels(raw), raw
+        shown = np.stack(list(raw.values()))
+        return SENSOR_RIG.moment(shown[:4]), SENSOR_RIG.angle(shown[4:]), raw
 
     def drift(self, angle: Array, generator: np.random.Generator) -> Array:
         """Return how the angle's sensor drifts, rad, shape (n,); zero without a drift."""
