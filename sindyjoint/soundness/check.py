@@ -66,7 +66,8 @@ def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
 
     raw = records_of(test)
     yield from sizes.find_unit_mismatches(raw, words)
-    dead, twice = list(values.find_dead(raw, words)), list(copies.find_copies(raw, words))
+    dead = list(values.find_dead(raw, words))
+    twice = [*copies.find_blocks(raw, words), *copies.find_scaled(raw, words)]
     samples = list(_find_in_samples(raw, words))
     filled = fill_test(test, samples)[0]
     along = [
@@ -89,7 +90,8 @@ def _find_in_campaign(campaign: Campaign, words: Words) -> Iterator[Finding]:
     yield from sizes.find_unit_mismatches(raw, words)
     yield from values.find_dead(raw, words)
     yield from sizes.find_sizes(raw, words)
-    yield from copies.find_copies(raw, words)
+    yield from copies.find_blocks(raw, words)
+    yield from copies.find_scaled(raw, words)
     if campaign.quasi_static:
         for record in raw:
             yield from values.find_saturation(record, words)
@@ -240,11 +242,11 @@ class Check(Shown, Generic[Data]):
         that was removed.
         """
         removed = self._removed(aligned)
-        shifting = [f for f in self.soundness.findings if f.id in PHASE and f.severity == "biases"]
+        shifting = {(kind, "biases") for kind in PHASE}
         return tuple(
             f
             for f in self.soundness.findings
-            if f.severity == "stops" or (f in shifting and f not in removed)
+            if f.severity == "stops" or ((f.id, f.severity) in shifting and f not in removed)
         )
 
     def warned(self, aligned: bool) -> tuple[str, ...]:

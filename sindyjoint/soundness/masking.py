@@ -13,7 +13,7 @@ from sindyjoint.measurement.runs import with_channels
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
-from sindyjoint.soundness import Finding, Words
+from sindyjoint.soundness import Finding, Spans, Words
 from sindyjoint.soundness.detectors import Mask, Record, marked_of, record_of, spans_of
 from sindyjoint.states import force_states
 from sindyjoint.text import list_some
@@ -108,14 +108,17 @@ def fill_test(test: RigTest, findings: Sequence[Finding]) -> tuple[RigTest, tupl
     return replace(test, runs=runs) if masked else test, tuple(said)
 
 
+def _spans(findings: Sequence[Finding], *channels: str | None) -> Spans:
+    """Return the samples at fault of one of some channels."""
+    return tuple(span for f in findings if f.channel in channels for span in f.spans)
+
+
 def _fill_run(run: RigRun, masked: Sequence[Finding], names: Sequence[str]) -> RigRun:
     if not masked:
         return run
-    signals, n = run.signals.copy(), run.drive.size
-    period = None if run.frequency is None else run.sample_rate / run.frequency
-    for number, name in enumerate(names):
-        spans = [span for f in masked if f.channel == name for span in f.spans]
-        signals[number] = bridge(signals[number], ~marked_of(spans, n), period)
+    n, period = run.drive.size, None if run.frequency is None else run.sample_rate / run.frequency
+    pairs = zip(run.signals, names, strict=True)
+    signals = np.array([bridge(x, ~marked_of(_spans(masked, name), n), period) for x, name in pairs])
     known = np.flatnonzero(~marked_of([span for f in masked if f.id in ENDS for span in f.spans], n))
     kept = slice(int(known[0]), int(known[-1]) + 1) if known.size >= MINIMUM_SAMPLES else slice(None)
     return replace(run, drive=signals[0, kept], responses=signals[1:, kept], lost=None)
@@ -136,10 +139,10 @@ def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
     known = np.flatnonzero(valid)
     kept = slice(int(known[0]), int(known[-1]) + 1)
     period = None if run.frequency is None else run.sample_rate / run.frequency
-    signals: dict[str, Any] = {}
-    for name, signal in run.channels.items():
-        spans = [span for f in findings if f.channel in (name, None) for span in f.spans]
-        signals[name] = bridge(signal[kept], ~marked_of(spans, run.n_samples)[kept], period)
+    signals: dict[str, Any] = {
+        name: bridge(x[kept], ~marked_of(_spans(findings, name, None), run.n_samples)[kept], period)
+        for name, x in run.channels.items()
+    }
     valid = valid[kept]
     # First the whole run's channels, which are as long as its marks; then these.
     fresh = with_channels(replace(run, valid=None, inputs={}), signals)

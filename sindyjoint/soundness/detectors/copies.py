@@ -16,12 +16,6 @@ Block = tuple[int, int, int]
 LOOKED_AT, PROPORTIONAL = 4096, 2e-5
 
 
-def find_copies(records: Sequence[Record], words: Words) -> Iterator[Finding]:
-    """Yield what occurs twice."""
-    yield from _find_blocks(records, words)
-    yield from _find_scaled(records, words)
-
-
 def repeated_blocks(values: Array) -> list[Block]:
     """Return blocks of samples that occur twice, as (first start, second start, length).
 
@@ -49,7 +43,7 @@ def repeated_blocks(values: Array) -> list[Block]:
     ]
 
 
-def _find_blocks(records: Sequence[Record], words: Words) -> Iterator[Finding]:
+def find_blocks(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield blocks that occur twice within a run, or in two runs; which channels they are of tells what happened."""
     names = dict.fromkeys(name for r in records for name in r.channels)
     shared: dict[tuple[int, int], dict[str, list[Block]]] = {}
@@ -130,7 +124,7 @@ def _between(one: Record, other: Record, found: dict[str, list[Block]], words: W
         )
 
 
-def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
+def find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield runs, or channels of a run, that are another one scaled, noise included: one recording with another gain.
 
     What two sensors, or two recordings, have in common may be nearly all: a mode that friction rings, a filter, a run
@@ -159,16 +153,15 @@ def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             if other is None or one.name == "rate" or one.noise == 0:
                 continue
             gain = _gain_of_copy(one.values, other.values)
-            if gain is None:
-                continue
-            yield words.finding(
-                "scaled_copy",
-                after.name,
-                one.name,
-                "stops",
-                f"the {words.of(one.name)} is that of run {before.name!r} times {gain:.4g}, noise included",
-                "leave one of the two runs out, or put in the run that was meant",
-            )
+            if gain is not None:
+                yield words.finding(
+                    "scaled_copy",
+                    after.name,
+                    one.name,
+                    "stops",
+                    f"the {words.of(one.name)} is that of run {before.name!r} times {gain:.4g}, noise included",
+                    "leave one of the two runs out, or put in the run that was meant",
+                )
 
 
 def _gain_of_copy(one: Array, other: Array) -> float | None:

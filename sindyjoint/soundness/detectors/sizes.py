@@ -63,18 +63,17 @@ def find_unequal_units(campaign: Campaign, words: Words) -> Iterator[Finding]:
         usual, count = Counter(declared.values()).most_common(1)[0]
         for run_name, stated in declared.items():
             ratio = unit_ratio(stated, usual)
-            if not ratio or abs(ratio - 1) < SAME_UNIT:
-                continue
-            yield Finding(
-                "unit_mismatch",
-                run_name,
-                channel,
-                "biases",
-                f"column {column!r} is declared in {stated!r} here and in {usual!r} in {count} of {len(declared)} "
-                f"runs, and no file states which: {ratio:.4g} between them",
-                "the coefficients are a mean of two scales",
-                f"declare one unit for the {words.of(channel)} of all runs",
-            )
+            if ratio and abs(ratio - 1) >= SAME_UNIT:
+                yield Finding(
+                    "unit_mismatch",
+                    run_name,
+                    channel,
+                    "biases",
+                    f"column {column!r} is declared in {stated!r} here and in {usual!r} in {count} of {len(declared)} "
+                    f"runs, and no file states which: {ratio:.4g} between them",
+                    "the coefficients are a mean of two scales",
+                    f"declare one unit for the {words.of(channel)} of all runs",
+                )
 
 
 def find_guesses(campaign: Campaign) -> Iterator[Finding]:
@@ -320,17 +319,16 @@ def find_noise(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             stands = (
                 noise[i] > SOUNDNESS.outstanding * usual and share[i] > SOUNDNESS.outstanding * others.max()
             )
-            if not usual or not stands:
-                continue
-            yield words.finding(
-                "excess_noise",
-                record.name,
-                name,
-                "biases" if share[i] > SOUNDNESS.tolerated else "note",
-                f"noise of {noise[i]:.3g} {words.unit(name)} RMS, {100 * share[i]:.2g} % of the {words.of(name)}, "
-                f"{noise[i] / usual:.3g} times that of the other runs",
-                "look at shielding and sensor of that run; leave it out if the others suffice",
-            )
+            if usual and stands:
+                yield words.finding(
+                    "excess_noise",
+                    record.name,
+                    name,
+                    "biases" if share[i] > SOUNDNESS.tolerated else "note",
+                    f"noise of {noise[i]:.3g} {words.unit(name)} RMS, {100 * share[i]:.2g} % of the {words.of(name)}, "
+                    f"{noise[i] / usual:.3g} times that of the other runs",
+                    "look at shielding and sensor of that run; leave it out if the others suffice",
+                )
 
 
 def find_mains(record: Record, words: Words) -> Iterator[Finding]:
@@ -339,17 +337,16 @@ def find_mains(record: Record, words: Words) -> Iterator[Finding]:
         for mains in (50.0, 60.0) if channel.name != "rate" else ():
             amplitude = mains_line(channel.values, record, mains)
             share = amplitude / np.sqrt(2) / channel.std
-            if share < SOUNDNESS.small_share:
-                continue
-            yield words.finding(
-                "mains_hum",
-                record.name,
-                channel.name,
-                "biases" if share > SOUNDNESS.gain else "note",
-                f"a line at {mains:g} Hz of {amplitude:.3g} {words.unit(channel.name)} in the "
-                f"{words.of(channel.name)}, {100 * share:.2g} % of its RMS",
-                "look for an earth loop; use another excitation frequency than a divisor of the mains",
-            )
+            if share >= SOUNDNESS.small_share:
+                yield words.finding(
+                    "mains_hum",
+                    record.name,
+                    channel.name,
+                    "biases" if share > SOUNDNESS.gain else "note",
+                    f"a line at {mains:g} Hz of {amplitude:.3g} {words.unit(channel.name)} in the "
+                    f"{words.of(channel.name)}, {100 * share:.2g} % of its RMS",
+                    "look for an earth loop; use another excitation frequency than a divisor of the mains",
+                )
 
 
 def mains_line(values: Array, record: Record, mains: float) -> float:

@@ -19,6 +19,8 @@ POINTS, MOST_HARMONICS, STEADY = 128, 40, 0.6
 # Samples of a run that does not repeat, evenly spread.
 SAMPLES = 2_400
 MOTION = ("angle", "rate", "acceleration")
+# The signals of each channel.
+PARTS = {"moment": ("moment",), "angle": MOTION}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +65,12 @@ class Motions:
         """Return the runs with a channel, ``"moment"`` or ``"angle"``, times a factor for each run or one for all."""
         by = np.reshape(np.broadcast_to(factors, len(self)), (-1, 1))
         size = np.abs(by[:, 0]) * self.size if channel == "moment" else self.size
-        return replace(self, size=size, **{n: by * getattr(self, n) for n in _parts(channel)})
+        return replace(self, size=size, **{n: by * getattr(self, n) for n in PARTS[channel]})
 
     def filtered(self, channel: str, response: Complex) -> Self:
         """Return mean cycles whose channel has passed a filter of a response, shape as that of :attr:`lines`."""
         signals: dict[str, Any] = {
-            n: np.fft.irfft(np.fft.rfft(getattr(self, n)) * response, POINTS) for n in _parts(channel)
+            n: np.fft.irfft(np.fft.rfft(getattr(self, n)) * response, POINTS) for n in PARTS[channel]
         }
         return replace(self, **signals)
 
@@ -90,10 +92,6 @@ class Motions:
         return np.zeros(0) if self.frequency is None else self.frequency
 
 
-def _parts(channel: str) -> tuple[str, ...]:
-    return ("moment",) if channel == "moment" else MOTION
-
-
 def cycles_of(names: Sequence[str], frequency: Array, harmonics: Complex, inputs: Array) -> Motions:
     """Return mean cycles of the coefficients of their series.
 
@@ -108,14 +106,10 @@ def cycles_of(names: Sequence[str], frequency: Array, harmonics: Complex, inputs
     """
     turn = 2j * np.pi * np.outer(frequency, np.arange(harmonics.shape[2]))
     series = [harmonics[0], harmonics[1], harmonics[1] * turn, harmonics[1] * turn**2]
-    moment, angle, rate, acceleration = (_cycle(each) for each in series)
+    moment, angle, rate, acceleration = np.fft.irfft(series, POINTS, norm="forward")
     place = np.tile(np.arange(POINTS) / POINTS, (len(names), 1))
     size = np.std(moment, axis=1)
     return Motions(tuple(names), angle, rate, acceleration, moment, inputs, place, frequency, size)
-
-
-def _cycle(series: Complex) -> Array:
-    return np.asarray(np.fft.irfft(series, POINTS) * POINTS)
 
 
 def mean_cycles(records: Sequence[Record]) -> Motions:
@@ -129,7 +123,9 @@ def mean_cycles(records: Sequence[Record]) -> Motions:
         [r.name for r in some],
         np.array([r.frequency for r in some], dtype=float),
         series.reshape(2, len(some), MOST_HARMONICS + 1),
-        _cycle(inputs.reshape(len(some), count, MOST_HARMONICS + 1)).transpose(0, 2, 1),
+        np.fft.irfft(inputs.reshape(len(some), count, MOST_HARMONICS + 1), POINTS, norm="forward").transpose(
+            0, 2, 1
+        ),
     )
 
 

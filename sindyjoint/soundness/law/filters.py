@@ -1,6 +1,7 @@
 """What the law between the channels shows of all runs: signs, the inertia, a filter on one channel, a delay."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -156,19 +157,18 @@ def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator
 def _undone(runs: Motions, inertia: float | None, kinds: Sequence[str] = tuple(INVERSES)) -> list[Undone]:
     """Return each filter, on each channel, with the parameter under which the runs have most of a law in common."""
     scale, slowest = scale_of(runs), float(runs.cycle.min())
-    found = []
-    for kind in kinds:
-        # Corner of a high-pass, and delay and time of a low-pass in radians of the slowest run, up to which they are
-        # tried.
-        time = 0.3 / (2 * np.pi * slowest)
-        grid = np.linspace(0, 0.6 * slowest if kind == "ac_coupling" else time, 9)
-        for channel in ("moment", "angle"):
+    # Corner of a high-pass, and delay and time of a low-pass in radians of the slowest run, up to which they are tried.
+    most = {"ac_coupling": 0.6 * slowest}
+    grids = {kind: np.linspace(0, most.get(kind, 0.3 / (2 * np.pi * slowest)), 9) for kind in kinds}
 
-            def left(parameter: float, kind: str = kind, channel: str = channel) -> float:
-                return misfit(runs.filtered(channel, INVERSES[kind](runs.lines, parameter)), inertia, scale)
+    def left(kind: str, channel: str, parameter: float) -> float:
+        return misfit(runs.filtered(channel, INVERSES[kind](runs.lines, parameter)), inertia, scale)
 
-            found.append(Undone(kind, channel, *least(left, grid)))
-    return found
+    return [
+        Undone(kind, channel, *least(partial(left, kind, channel), grid))
+        for kind, grid in grids.items()
+        for channel in ("moment", "angle")
+    ]
 
 
 def _is_one_time(runs: Motions, inertia: float | None, best: Undone) -> bool:

@@ -325,7 +325,8 @@ def find_drifts(runs: Motions, alike: Motions, inertia: float | None, words: Wor
     rows = rows_of(runs, scale, inertia)
     for index, name in enumerate(runs.names):
         moving = np.any(rows.columns[index] != 0, axis=1)
-        part = (runs.place[index] * PARTS).astype(int)[moving]
+        parts = (runs.place[index] * PARTS).astype(int)
+        part = parts[moving]
         # In amplitudes of a sinusoid.
         residual = ((rows.target[index] - rows.columns[index] @ law) / np.sqrt(2))[moving]
         known = np.flatnonzero(np.bincount(part, minlength=PARTS) >= FEWEST)
@@ -336,12 +337,12 @@ def find_drifts(runs: Motions, alike: Motions, inertia: float | None, words: Wor
         # Of a law that leaves much the mean moves as well, as drive and motion change along a sweep.
         if slope is None or np.var(residual) - total**2 / 12 > SOUNDNESS.minor_share**2:
             continue
-        moves = {}
-        for channel, signal in (("moment", runs.moment[index]), ("angle", runs.angle[index])):
-            mean = _means((runs.place[index] * PARTS).astype(int), signal)
-            moves[channel] = abs(np.polyfit(np.arange(PARTS), mean, 1)[0]) / max(
-                float(np.std(signal)), 1e-300
-            )
+        means = {channel: _means(parts, getattr(runs, channel)[index]) for channel in ("moment", "angle")}
+        moves = {
+            channel: abs(np.polyfit(np.arange(PARTS), mean, 1)[0])
+            / max(float(np.std(getattr(runs, channel)[index])), 1e-300)
+            for channel, mean in means.items()
+        }
         # The channel whose own mean moves along, at least twice as far.
         one, other = sorted(moves, key=moves.__getitem__, reverse=True)
         drifting = one if moves[one] > 2 * moves[other] else None

@@ -12,11 +12,9 @@ from sindyjoint.limits import SOUNDNESS
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_test import RigRun, RigTest, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import LumpedMass
-from sindyjoint.numeric import Array
 from sindyjoint.soundness import Finding, Severity, Words
 from sindyjoint.soundness.law.agreement import (
     SMALLEST,
-    Complex,
     Equations,
     Fit,
     equations_of,
@@ -232,9 +230,10 @@ def _describe(
     certain : bool
         Whether there are sensors enough to tell it from another structure.
     """
+    norm = np.linalg.norm
     rows = slice(None) if found.run is None else before.run == found.run
     angle, moment = (
-        float(np.max(_size((new - old)[rows]) / np.maximum(_size(new[rows]), 1e-300)))
+        float(np.max(norm((new - old)[rows], axis=0) / np.maximum(norm(new[rows], axis=0), 1e-300)))
         for old, new in zip(unknowns_of(before), unknowns_of(found.equations), strict=True)
     )
     shift, said = max(angle, moment), [words.of(names[channel]) for channel in found.channels]
@@ -298,7 +297,3 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
     )
     remedy = "record all channels with one clock and one filter; shift it in time, or leave it out"
     return ("channel_delay", severity, extent, remedy)
-
-
-def _size(values: Complex) -> Array:
-    return np.asarray(np.sqrt(np.sum(np.abs(values) ** 2, axis=0)))
