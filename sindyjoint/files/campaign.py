@@ -291,7 +291,7 @@ def _on_clock_of(opened: Table, axis: TimeChannel | str | None, other: Table, co
         return other
     # A time of the same name before others.
     for at in sorted(range(1, len(other.names) + 1), key=lambda at: other.names[at - 1] != axis.column):
-        _, unit, _ = other.stated_unit(at) or ("", "", False)
+        _, unit, _ = other.stated_unit(at)
         if role_of(other.names[at - 1], unit) == "time":
             own, values = other.columns([at, column], gaps=True)
             if own.size == values.size:

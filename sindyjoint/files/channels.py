@@ -84,23 +84,21 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
     other: Motion = "translation" if motion == "rotation" else "rotation"
     given = "neither" if channels.time is None else "both"
     untimed, accelerated = channels.time == "none", channels.acceleration is not None
+    keys = [(KEYS[other][each][0], KEYS[motion][each][0]) for each in ("moment", "angle", "rate")]
+    both = channels.skew is not None and channels.skew_removed is not None
     faults: list[tuple[object, str]] = [
         (
             rig is not None and motion == "translation",
             f"{manifest}: [rig] is about rotation (strain and displacement to moment and angle); motion is "
             "'translation'",
-        )
-    ]
-    keys = [(KEYS[other][each][0], KEYS[motion][each][0]) for each in ("moment", "angle", "rate")]
-    both = channels.skew is not None and channels.skew_removed is not None
-    faults += [
-        (
-            getattr(channels, wrong) is not None,
-            f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion",
-        )
-        for wrong, right in keys
-    ]
-    faults += [
+        ),
+        *(
+            (
+                getattr(channels, wrong) is not None,
+                f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion",
+            )
+            for wrong, right in keys
+        ),
         (
             (channels.time is None) == (channels.rate is None),
             f"{where}: expected time (a column, or 'none' for quasi-static samples) or rate (such as '1 kHz'), not "
@@ -224,15 +222,14 @@ class RunReader:
         """Return the columns that measure the same as a channel, move otherwise, and are not used."""
         role, names = ROLES[self.motion].get(quantity), self.table.names
         used = {names[each - 1] if isinstance(each, int) else each for each in self._wanted()}
-        stated = [(self.table.stated_unit(at) or ("", ""))[1] for at in range(1, len(names) + 1)]
+        stated = [self.table.stated_unit(at)[1] for at in range(1, len(names) + 1)]
         groups: dict[tuple[str, ...], set[str | None]] = {}
         for name, its in zip(names, stated, strict=True):
             groups.setdefault(marks_of(name), set()).add(role_of(name, its))
         own_marks = marks_of(names[column - 1] if isinstance(column, int) else column)
-        found = []
-        for name, its in zip(names, stated, strict=True):
-            if not role or name in used or role_of(name, its) != role:
-                continue
+        found, pairs = [], zip(names, stated, strict=True)
+        others = [each for each in pairs if role and each[0] not in used and role_of(*each) == role]
+        for name, its in others:
             # With a load and a motion of its own name it is of another run, or of another joint.
             if marks_of(name) != own_marks and all(
                 groups[marks_of(name)] & kind for kind in (LOADS, MOTIONS)
@@ -280,12 +277,13 @@ class RunReader:
         return found
 
     def _wanted(self) -> list[Column]:
-        axis = self.channels.time
-        wanted = [axis.column if isinstance(axis, TimeChannel) else None]
-        wanted += [column for *_, each in declared(self.channels, self.motion) for column in each.columns]
-        wanted += [each.column for each in self.inputs.values()]
-        if self.rig is not None:
-            wanted += [*(self.rig.strain or []), *(self.rig.displacement or [])]
+        axis, gauges = self.channels.time, [self.rig.strain, self.rig.displacement] if self.rig else []
+        wanted = [
+            axis.column if isinstance(axis, TimeChannel) else None,
+            *(column for *_, each in declared(self.channels, self.motion) for column in each.columns),
+            *(each.column for each in self.inputs.values()),
+            *(column for columns in gauges for column in columns or ()),
+        ]
         return [column for column in wanted if column is not None]
 
     def _add_gauges(self, rig: RigTable, columns: dict[Column, Array], signals: dict[str, Array]) -> None:

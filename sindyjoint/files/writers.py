@@ -5,6 +5,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -119,8 +120,8 @@ def _columns(run: Run, joint: Joint, rig: SensorRig | None) -> dict[str, NDArray
     elif rig is None:
         columns |= {moment: run.moment, angle: run.angle}
     else:
-        columns |= {f"e{number}": strain for number, strain in enumerate(rig.strains(run.moment), start=1)}
-        columns |= {f"d{number}": spot for number, spot in enumerate(rig.displacements(run.angle), start=1)}
+        gauges = {"e": rig.strains(run.moment), "d": rig.displacements(run.angle)}
+        columns |= {f"{kind}{n}": x for kind, own in gauges.items() for n, x in enumerate(own, start=1)}
     if run.rate is not None:
         columns[rate] = run.rate
     return columns | {name: values for name, values in run.inputs.items() if np.ptp(values) > 0}
@@ -128,19 +129,15 @@ def _columns(run: Run, joint: Joint, rig: SensorRig | None) -> dict[str, NDArray
 
 def _file_names(names: list[str], format: str) -> list[str]:
     """Return one harmless file name per run name, no two alike even where case does not count."""
-    taken: set[str] = set()
-    files = []
+    taken: dict[str, str] = {}
     for name in names:
         clean = re.sub(r"[^\w.+=-]+", "-", name).strip(".-")
         # File systems count bytes.
         stem = clean.encode()[:100].decode(errors="ignore") or "run"
-        file, count = f"{stem}.{format}", 1
-        while file.lower() in taken:
-            count += 1
-            file = f"{stem}-{count}.{format}"
-        taken.add(file.lower())
-        files.append(file)
-    return files
+        ways = chain([stem], (f"{stem}-{number}" for number in count(2)))
+        free = next(way for way in ways if way.lower() not in taken)
+        taken[free.lower()] = f"{free}.{format}"
+    return list(taken.values())
 
 
 def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> str:
@@ -264,14 +261,17 @@ def _channels_of(
     """Return the ``[channels]`` entries of one run as TOML text."""
     channels: dict[str, Any] = {"rate": _quantity(run.sample_rate, "Hz")}
     fusion = run.fusion if rig is None else None
-    wanted = ["moment"] if fusion is not None and fusion.angle is None else ["moment", "angle"]
-    wanted += [] if fusion is None else ["acceleration"]
-    wanted += ["rate"] if run.rate is not None or (run.fusion and run.fusion.rate is not None) else []
-    for quantity in wanted:
+    measured = {
+        "moment": True,
+        "angle": fusion is None or fusion.angle is not None,
+        "acceleration": fusion is not None,
+        "rate": run.rate is not None or (run.fusion is not None and run.fusion.rate is not None),
+    }
+    for quantity in (name for name, there in measured.items() if there):
         key, unit = KEYS[motion][quantity][0], UNITS[motion][KEYS[motion][quantity][0]]
         columned = rig is None or quantity == "rate"
         # An accelerometer alone has the gain of the angle.
-        alone = quantity == "acceleration" and "angle" not in wanted
+        alone = quantity == "acceleration" and not measured["angle"]
         channels[key] = {
             "column": key if columned else None,
             "unit": unit if columned else None,

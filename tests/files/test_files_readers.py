@@ -63,7 +63,7 @@ def test_structs_in_an_array_are_numbered_and_a_vector_may_have_its_name_beside_
 def test_the_column_of_a_matrix_has_no_unit(tmp_path):
     np.savez(tmp_path / "a.npz", data=np.arange(80.0).reshape(40, 2))
     table = read_table(tmp_path / "a.npz")[0]
-    assert table.names == ("data[:,0]", "data[:,1]") and table.stated_unit("data[:,0]") is None
+    assert table.names == ("data[:,0]", "data[:,1]") and table.stated_unit("data[:,0]")[1] == ""
 
 
 def test_names_without_their_group_where_they_are_unique(tmp_path):

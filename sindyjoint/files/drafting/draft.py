@@ -236,9 +236,7 @@ def _draft_run(
     rate = draft_time(bundle, columns.get("time"), channels, dialogue, given)
     used = [_used_time(bundle.name, columns.get("time"), channels, dialogue)]
     units: dict[str, tuple[str, str | None]] = {}
-    for quantity, column in columns.items():
-        if quantity == "time":
-            continue
+    for quantity, column in ((name, c) for name, c in columns.items() if name != "time"):
         key = KEYS[motion][quantity][0]
         unit, gain = units[quantity] = find_unit(column, quantity, motion, dialogue, peers[quantity])
         pairs = {
@@ -357,12 +355,10 @@ def _write(
     joint = [
         f"name = {toml_value(printable(name))}",
         f"motion = {toml_value(motion)}{dialogue.mark('motion')}",
-    ]
-    joint.append(
         f"{inertia} = {toml_value(given)}{per_unit}"
         if given
-        else f'# {inertia} = "0.02 {unit}"  # moving with the joint; left out: identified as a term'
-    )
+        else f'# {inertia} = "0.02 {unit}"  # moving with the joint; left out: identified as a term',
+    ]
     stems = [str(PurePosixPath(run.file).with_suffix("")) for run in runs]
     once = len({run.run for run in runs}) == len(runs)
     names = [(run.run if once else f"{run.file} {run.run}") if run.run else run.file for run in runs]

@@ -51,28 +51,30 @@ class Initialised(Described):
         """Return what was found, in a line for each thing."""
         draft = self.draft
         kind = "simulated runs" if draft.simulated else "runs"
-        lines = [f"{self.manifest}: {len(draft.runs)} {kind}, {draft.motion}"]
         rows = [("file", "column", "quantity", "unit", "why")] + [
             (u.file, "–" if u.column is None else str(u.column), u.quantity, u.unit or "–", u.why)
             for u in draft.columns[:SHOWN]
         ]
         wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines += ["  " + "  ".join(map(str.ljust, row, wide)).rstrip() for row in rows]
-        lines += _more(draft.columns, " columns")
-        kinds = [(run.frequency, run.level) for run in draft.runs]
+        kinds, said = [(run.frequency, run.level) for run in draft.runs], []
         for run in draft.runs[:SHOWN]:
             rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
             repeated = kinds.count((run.frequency, run.level))
             again = f", one of {repeated} that repeat" if repeated > 1 and run.frequency else ""
             called = f"{run.file} {run.run}".strip()
-            lines.append(f"  {called}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
-        lines += _more(draft.runs, "")
-        lines += [f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]]
-        lines += [f"  kept: {key} = {value}; --set {key}=... changes it" for key, value in self.kept.items()]
+            said.append(f"  {called}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
         runs = f" for all {len(draft.runs)} runs" if len(draft.runs) > 1 else ""
         guesses = ((each.key, each.guess) for each in draft.questions[: SHOWN // 2])
-        lines += [f"  guessed: {key} = {guess}{runs}; --set {key}=... sets it" for key, guess in guesses]
-        return lines
+        return [
+            f"{self.manifest}: {len(draft.runs)} {kind}, {draft.motion}",
+            *("  " + "  ".join(map(str.ljust, row, wide)).rstrip() for row in rows),
+            *_more(draft.columns, " columns"),
+            *said,
+            *_more(draft.runs, ""),
+            *(f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]),
+            *(f"  kept: {key} = {value}; --set {key}=... changes it" for key, value in self.kept.items()),
+            *(f"  guessed: {key} = {guess}{runs}; --set {key}=... sets it" for key, guess in guesses),
+        ]
 
     @property
     def guessed(self) -> dict[str, str | None]:

@@ -133,9 +133,8 @@ def draft_time(
 def _draft_rate(bundle: Bundle, channels: dict[str, str], dialogue: Dialogue) -> float | None:
     """Write the sampling rate that is stated above, beside or within the file, or that was asked for."""
     found = [(f"the file's {printable(title)}", rate) for title, rate in _named_rates(bundle.scalars)]
-    texts = [("above the columns", "\n".join(bundle.remarks))]
-    texts += [(f"in {printable(note)}", text) for note, text in bundle.notes]
-    for place, text in texts:
+    beside = [(f"in {printable(note)}", text) for note, text in bundle.notes]
+    for place, text in [("above the columns", "\n".join(bundle.remarks)), *beside]:
         rates = [float(n.replace(",", ".")) * (1000 if kilo else 1) for n, kilo in _RATE.findall(text)]
         steps = [float(n.replace(",", ".")) * _SECONDS[unit.lower()] for n, unit in _STEP.findall(text)]
         stated = rates or [1 / max(step, 1e-9) for step in steps]

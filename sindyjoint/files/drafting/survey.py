@@ -216,9 +216,10 @@ def _read(path: Path, name: str) -> Bundle:
         if values.size == 1:
             scalars.append((title, float(values[0])))
         elif values.size >= MINIMUM_SAMPLES:
-            stated = table.stated_unit(position)
             unnamed = table.names.count(title) > 1 or not title.strip() or control_character(title)
-            columns.append(Column(position if unnamed else title, title, stated[1] if stated else "", values))
+            columns.append(
+                Column(position if unnamed else title, title, table.stated_unit(position)[1], values)
+            )
     if not columns:
         raise InputError(f"holds no column of {MINIMUM_SAMPLES} numbers or more")
     file = Bundle(

@@ -130,8 +130,8 @@ class Table:
 
     def with_column(self, other: Table, column: str | int, name: str) -> Table:
         """Return this table with a column of another one under a name."""
-        at, own, stated = other._find_column(column), len(self.names), other.stated_unit(column)
-        units = [*self.units, *[""] * (own - len(self.units)), "" if stated is None else stated[1]]
+        at, own = other._find_column(column), len(self.names)
+        units = [*self.units, *[""] * (own - len(self.units)), other.stated_unit(column)[1]]
 
         def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
             mine = iter(self.load([position for position in wanted if position < own], start, stop))
@@ -168,22 +168,22 @@ class Table:
             self._check_column(name, loaded[at], gaps) for name, at in zip(wanted, positions, strict=True)
         ]
 
-    def stated_unit(self, name: str | int) -> tuple[str, str, bool] | None:
+    def stated_unit(self, name: str | int) -> tuple[str, str, bool]:
         """Return a column's name, the unit that the file states for it, and whether only the name's ending does.
 
-        None where the file states no unit. See :func:`sindyjoint.files.units.unit_in_name`.
+        An empty one where the file states no unit. See :func:`sindyjoint.files.units.unit_in_name`.
         """
         at = self._find_column(name)
         title = self.names[at]
         if at < len(self.units) and self.units[at].strip():
             return title, self.units[at].strip().strip("[](){}").strip(), False
-        found = unit_in_name(title)
-        return None if found is None else (title, *found)
+        return (title, *(unit_in_name(title) or ("", False)))
 
     def unit(self, channel: str, column: str | int, declared: str, factor: float = 1.0) -> FileUnit:
         """Return the unit of a column that is a channel, as it was declared, and as the file states it."""
-        found = self.stated_unit(column) or (column if isinstance(column, str) else "",)
-        return FileUnit(channel, declared, factor, *found)
+        title, stated, named = self.stated_unit(column)
+        asked = column if isinstance(column, str) else ""
+        return FileUnit(channel, declared, factor, title if stated else asked, stated, named)
 
     def _find_column(self, name: str | int) -> int:
         if isinstance(name, int):

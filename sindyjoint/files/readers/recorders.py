@@ -156,8 +156,8 @@ def read_tdms(path: Path, data: bytes | None = None) -> Table:
     }
     own = dict(enumerate(times.values(), start=len(names) + 1))
     begin = min((start for _, start, _ in own.values()), default=0.0)
-    stated = [[c.properties[key] for key in UNIT_KEYS if key in c.properties] for _, c in channels]
-    units = tuple(str(own[0]) if own else "" for own in stated)
+    told = ((c.properties[key] for key in UNIT_KEYS if key in c.properties) for _, c in channels)
+    units = tuple(str(next(own, "")) for own in told)
     return Table(
         path, (*names, "time", *times) if clocked else names, load, aliases, units=units, count=lambda: rows
     )

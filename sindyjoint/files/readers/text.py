@@ -39,13 +39,10 @@ _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 def find_delimiter(lines: Sequence[str], sample: str | None = None) -> str | None:
     """Return what parts the fields of a line, by default of the third; None for blanks."""
     sample = lines[min(len(lines) - 1, 2)] if sample is None else sample
-    for delimiter in ("\t", ";", ","):
-        if delimiter in sample and (
-            delimiter != "," or "," in lines[0] or not has_decimal_comma(sample, False)
-        ):
-            return delimiter
-    # A single column has no delimiter at all, and its header may hold blanks.
-    return None if len(sample.split()) > 1 else ","
+    # A comma may stand before decimals. A single column has no delimiter at all, and its header may hold blanks.
+    parts = "," in lines[0] or not has_decimal_comma(sample, False)
+    found = next((each for each in ("\t", ";", *"," * parts) if each in sample), None)
+    return "," if found is None and len(sample.split()) < 2 else found
 
 
 def split_fields(line: str, delimiter: str | None) -> list[str]:
