@@ -38,7 +38,7 @@ __getattr__ = fetched(
         "rig_test": "RigRun RigTest Sensor UncertainNumber uncertain_numbers",
         "rig_test_file": "load_rig_structure load_rig_test",
         "rigs": "MeasuredResponse load_rig",
-        "sensors": "Channel delayed",
+        "sensors": "Channel",
         "stickslip": "simulate simulate_many slip_direction transfer_moment",
         "structure": "Hinge LumpedMass Structure assemble craig_bampton",
         "transient": "respond",

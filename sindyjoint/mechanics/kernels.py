@@ -300,11 +300,9 @@ def program_of_expressions(
     direction = Symbol("direction", real=True)
 
     def directed(expression: Any) -> Any:
-        jumps: dict[Any, Any] = {}
-        for symbol in expression.free_symbols:
-            if symbol.name == "omega":
-                jumps |= {sign(symbol): direction, Heaviside(symbol): (1 + direction) / 2}
-        return expression.xreplace(jumps)
+        rates = [symbol for symbol in expression.free_symbols if symbol.name == "omega"]
+        jumps = {sign(each): direction for each in rates}
+        return expression.xreplace(jumps | {Heaviside(each): (1 + direction) / 2 for each in rates})
 
     arguments = ("theta", "omega", "direction", *states, *parameters)
     return program(compile_terms([directed(each) for each in expressions], arguments))

@@ -1,5 +1,6 @@
 """A test of an assembled structure: what drove it, what its sensors measured, and which of its joints are sought."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -329,13 +330,13 @@ def write_rig_test(
             part |= {"law": "unknown", "kind": table.kind or own}
     document["loss_frequency"] = f"{test.structure.loss_frequency!r} Hz"
     document["time"] = {"column": "time", "unit": "s"}
-    drive = document.setdefault("drive", {})
-    drive |= {"column": DRIVE, "unit": UNITS[given.drive.quantity].replace("**", "^")}
+    drive = {"column": DRIVE, "unit": UNITS[given.drive.quantity].replace("**", "^")}
+    document["drive"] = document.get("drive", {}) | drive
     for table, sensor in zip(document["sensor"], given.sensor, strict=True):
         table |= {"unit": UNITS[sensor.quantity].replace("**", "^")}
     for key in ("pulse", "output", "recorder", "measured"):
         document.pop(key, None)
-    files = {run.name: f"{_file_name(run.name)}-{SIMULATED_KEY}.{format}" for run in test.runs}
+    files = {run.name: re.sub(r"[^\w.-]", "-", run.name) + f"-{SIMULATED_KEY}.{format}" for run in test.runs}
     document["run"] = [
         {"file": files[run.name], "name": run.name, "use": run.use}
         | {"frequency": run.frequency and f"{run.frequency!r} Hz", "level": run.level}
@@ -348,10 +349,6 @@ def write_rig_test(
             (stage / files[run.name]).write_bytes(ENCODERS[format](columns, REMARK))
         (stage / "rig.toml").write_text(_toml(document), encoding="utf-8", newline="\n")
     return Path(folder) / "rig.toml"
-
-
-def _file_name(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "._-" else "-" for c in name)
 
 
 def _toml(document: Mapping[str, Any]) -> str:

@@ -155,11 +155,14 @@ def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
         structure, kinds, uncertain, chain = _chain(given, laws, stations)
         motion = "rotation"
     sensors = tuple(
-        Sensor(str(each.column), _point(each.point), each.quantity, _noise(each, f"[[sensor]] {number}"))
+        Sensor(
+            str(each.column), _point(each.point), each.quantity,
+            parse_optional(each.noise, UNITS[each.quantity], f"[[sensor]] {number} noise"),
+        )
         for number, each in enumerate(given.sensor, 1)
-    )
+    )  # fmt: skip
     at = BASE if shaken else _point(given.drive.point)
-    noise = _noise(given.drive, "[drive]")
+    noise = parse_optional(given.drive.noise, UNITS[given.drive.quantity], "[drive] noise")
     return RigTest(
         given.name, structure, kinds, at, sensors, (), noise, motion=motion, uncertain=uncertain, chain=chain
     )
@@ -247,24 +250,18 @@ def _matrices(
 
 def _matrix(table: Any, name: str, n: int, file: Path) -> Array | None:
     """Return a matrix whose columns a reader has named one by one; None where there is none."""
-    for pattern, first in (("{}[:,{}]", 0), ("{}(:,{})", 1)):
-        names = [pattern.format(name, number) for number in range(first, first + n)]
-        if n > 1 and all(each in table.names for each in names):
-            matrix = np.column_stack(table.columns(names))
-            if matrix.shape == (n, n):
-                return matrix
-            raise InputError(f"{file}: {name} has shape {matrix.shape}; expected ({n}, {n}), finite numbers")
-    if n == 1 and name in table.names:
-        return np.asarray(table.columns([name])[0]).reshape(1, 1)
-    return None
+    ways = [[f"{name}[:,{at}]" for at in range(n)], [f"{name}(:,{at})" for at in range(1, n + 1)]]
+    found = [way for way in ([[name]] if n == 1 else ways) if set(way) <= set(table.names)]
+    if not found:
+        return None
+    matrix = np.column_stack(table.columns(found[0]))
+    if matrix.shape != (n, n):
+        raise InputError(f"{file}: {name} has shape {matrix.shape}; expected ({n}, {n}), finite numbers")
+    return matrix
 
 
 def _point(place: str | StationTable) -> str:
     return place if isinstance(place, str) else f"{place.beam} at {place.at}"
-
-
-def _noise(table: SensorTable | DriveTable, where: str) -> float | None:
-    return parse_optional(table.noise, UNITS[table.quantity], f"{where} noise")
 
 
 def _pulse_test(given: RigFile, path: Path) -> RigTest:

@@ -360,8 +360,8 @@ def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
         present = there
     drive, *responses = held.values()
     frequency = parse_optional(table.frequency, "Hz", f"{file}: frequency")
-    columns: list[tuple[str, Any]] = [("time", given.time), (DRIVE, given.drive)]
-    columns += [(str(each.column), each) for each in given.sensor]
+    names = ("time", DRIVE, *(str(each.column) for each in given.sensor))
+    columns = zip(names, (given.time, *channels), strict=True)
     units = tuple(read.unit(name, each.column, each.unit) for name, each in columns)
     return RigRun(
         table.name or Path(str(table.file)).stem, drive, np.array(responses), rate, frequency,

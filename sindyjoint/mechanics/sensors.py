@@ -76,14 +76,6 @@ def quantised(signal: ArrayLike, bits: int) -> Array:
     return np.round(values / step) * step if largest > 0 else values
 
 
-def delayed(time: Array, fine_time: Array, fine_signal: Array, delay: float) -> Array:
-    """Return a finely sampled signal at `time` − `delay`, by straight lines between the fine samples.
-
-    Straight lines, since a moment has corners (and, for a prescribed motion, jumps) at which smooth curves ring.
-    """
-    return np.interp(time - delay, fine_time, fine_signal)
-
-
 def raw_channels(
     moment: ArrayLike, angle: ArrayLike, channel: Channel, generator: np.random.Generator
 ) -> dict[str, Array]:

@@ -192,8 +192,7 @@ def simulate_many(
 
     y = np.zeros((runs, 2 + compiled.n_states))
     y[:, :2] = initial
-    if initial_state is not None:
-        y[:, 2:] = initial_state
+    y[:, 2:] = 0.0 if initial_state is None else initial_state
     bounds = np.ascontiguousarray(np.broadcast_to(_find_limits(law, limits), (runs, 2)))
     drives = excitations * runs if len(excitations) < runs else excitations
     most = max(STEPS_PER_SAMPLE * n_samples, LEAST_STEPS) if most_steps is None else int(most_steps)

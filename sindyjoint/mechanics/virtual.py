@@ -12,7 +12,7 @@ from sindyjoint.errors import InputError, SimulationError, UnknownNameError, che
 from sindyjoint.measurement.runs import measured_run
 from sindyjoint.mechanics import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.excitation import SINE, Excitation, tones
-from sindyjoint.mechanics.sensors import SENSOR_RIG, Channel, delayed, raw_channels
+from sindyjoint.mechanics.sensors import SENSOR_RIG, Channel, raw_channels
 from sindyjoint.mechanics.stickslip import prescribed_motion, simulate
 from sindyjoint.numeric import RNG, Array
 from sindyjoint.record import Campaign, Joint, Run
@@ -219,7 +219,9 @@ class VirtualTest:
         # An acceleration jumps where friction does. Sampled without an anti-alias filter, the place of a jump between
         # two samples is lost, and with it what the jump does to the rate.
         shown = np.asarray(scipy.signal.resample_poly(motion.acceleration, 1, finer))[start : start + n]
-        return delayed(time[kept], time, moment, self.skew), angle[kept], shown
+        # Straight lines between the fine samples, since a moment has corners (and, for a prescribed motion, jumps) at
+        # which smooth curves ring.
+        return np.interp(time[kept] - self.skew, time, moment), angle[kept], shown
 
     def measured(
         self, moment: Array, angle: Array, generator: np.random.Generator

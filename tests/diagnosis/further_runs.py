@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.mechanics import SumLaw, delayed, transfer_moment
+from sindyjoint.mechanics import SumLaw, transfer_moment
 from sindyjoint.record import Run
 from tests.diagnosis.hidden_effects import law_at
 
@@ -22,7 +22,7 @@ def one_more(hidden, frequency, level, waveform, noise, index=0):
     moment, angle, rate = made(hidden.plan, law, frequency, level, waveform)
     if name == "channel_delay":
         time = np.arange(moment.size) / rate
-        moment = delayed(time, time, moment, amount)
+        moment = np.interp(time - amount, time, moment)
     if name == "angle_offset":
         angle = angle + amount
     moment, angle = (x + noise * np.std(x) * generator.standard_normal(x.size) for x in (moment, angle))
