@@ -328,8 +328,10 @@ def words_of(motion: Motion) -> Words:
         "rate": q.rate_unit,
         "acceleration": acceleration,
     }
-    names = {"moment": q.moment.lower(), "angle": path, "rate": speed}
-    names |= {MEASURED_ANGLE: f"{path} sensor", MEASURED_RATE: f"{speed} sensor"}
+    names = {
+        "moment": q.moment.lower(), "angle": path, "rate": speed,
+        MEASURED_ANGLE: f"{path} sensor", MEASURED_RATE: f"{speed} sensor",
+    }  # fmt: skip
     return Words(units | {MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit}, names)
 
 

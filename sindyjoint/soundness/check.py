@@ -51,72 +51,72 @@ def find_faults(measured: Campaign | RigTest) -> tuple[Finding, ...]:
         return in_order(_find_in_campaign(measured, words))
 
 
-def _find_in_samples(records: Sequence[Record], words: Words) -> Iterator[Finding]:
-    """Yield what single samples show, of whichever record."""
-    for record in records:
-        yield from values.find_lost(record, words)
-        yield from values.find_saturation(record, words)
-        yield from values.find_held(record, words)
-        yield from values.find_coarse_steps(record, words)
-    yield from values.find_spikes(records, words)
+def _find_in_samples(records: Sequence[Record], words: Words) -> list[Finding]:
+    """Return what single samples show, of whichever record."""
+    each = (values.find_lost, values.find_saturation, values.find_held, values.find_coarse_steps)
+    found = [f for record in records for find in each for f in find(record, words)]
+    return [*found, *values.find_spikes(records, words)]
 
 
-def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
+def _find_in_test(test: RigTest, words: Words) -> list[Finding]:
     from sindyjoint.soundness.law.sensors import find_in_sensors, recovered
 
     raw = records_of(test)
-    yield from sizes.find_unit_mismatches(raw, words)
-    dead = list(values.find_dead(raw, words))
-    twice = [*copies.find_blocks(raw, words), *copies.find_scaled(raw, words)]
-    samples = list(_find_in_samples(raw, words))
+    samples = _find_in_samples(raw, words)
     filled = fill_test(test, samples)[0]
-    along = [
-        f
-        for record in records_of(filled)
-        for f in (*sizes.find_lines(record, words), *course.find_course(record, words))
+    found = [
+        *values.find_dead(raw, words),
+        *copies.find_blocks(raw, words),
+        *copies.find_scaled(raw, words),
+        *samples,
+        *(
+            f
+            for record in records_of(filled)
+            for f in (*sizes.find_lines(record, words), *course.find_course(record, words))
+        ),
     ]
-    found = [*dead, *twice, *samples, *along]
-    yield from found
     odd = {f.run for f in found if f.severity != "note" and not f.masked and f.id != "no_signal"}
     sound = [run for run in filled.runs if run.name not in odd]
-    yield from find_in_sensors(test, list(recovered(test, sound)), words)
+    sensors = find_in_sensors(test, list(recovered(test, sound)), words)
+    return [*sizes.find_unit_mismatches(raw, words), *found, *sensors]
 
 
-def _find_in_campaign(campaign: Campaign, words: Words) -> Iterator[Finding]:
+def _find_in_campaign(campaign: Campaign, words: Words) -> list[Finding]:
     raw = records_of(campaign)
-    yield from sizes.find_guesses(campaign)
-    yield from sizes.find_unequal_units(campaign, words)
-    yield from sizes.find_other_sensors(campaign, words)
-    yield from sizes.find_unit_mismatches(raw, words)
-    yield from values.find_dead(raw, words)
-    yield from sizes.find_sizes(raw, words)
-    yield from copies.find_blocks(raw, words)
-    yield from copies.find_scaled(raw, words)
+    found = [
+        *sizes.find_guesses(campaign),
+        *sizes.find_unequal_units(campaign, words),
+        *sizes.find_other_sensors(campaign, words),
+        *sizes.find_unit_mismatches(raw, words),
+        *values.find_dead(raw, words),
+        *sizes.find_sizes(raw, words),
+        *copies.find_blocks(raw, words),
+        *copies.find_scaled(raw, words),
+    ]
     if campaign.quasi_static:
-        for record in raw:
-            yield from values.find_saturation(record, words)
-        return
-    samples = list(_find_in_samples(raw, words))
-    yield from samples
+        return [*found, *(f for record in raw for f in values.find_saturation(record, words))]
+    samples = _find_in_samples(raw, words)
     records = [bridge_record(record, samples) for record in raw]
-    for record in records:
-        yield from sizes.find_disagreement(record, words)
     lines = [finding for record in records for finding in sizes.find_lines(record, words)]
-    yield from lines
     whole = [r for r in records if r.name not in {f.run for f in lines}]
     along = [finding for record in whole for finding in course.find_course(record, words)]
-    yield from along
-    yield from sizes.find_noise(records, words)
-    yield from sizes.find_offsets(records, words)
-    yield from sizes.find_coverage(records, words)
     even = [r for r in whole if r.name not in {f.run for f in along}]
-    yield from _find_in_laws(campaign, even, words)
+    return [
+        *found,
+        *samples,
+        *(f for record in records for f in sizes.find_disagreement(record, words)),
+        *lines,
+        *along,
+        *sizes.find_noise(records, words),
+        *sizes.find_offsets(records, words),
+        *sizes.find_coverage(records, words),
+        *(f for record in even for f in sizes.find_mains(record, words)),
+        *_find_in_laws(campaign, even, words),
+    ]
 
 
-def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -> Iterator[Finding]:
-    """Yield what only the law between the channels shows."""
-    for record in records:
-        yield from sizes.find_mains(record, words)
+def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -> list[Finding]:
+    """Return what only the law between the channels shows."""
     cycles, inertia = mean_cycles(records), campaign.joint.inertia
     backwards = list(filters.find_signs(records, cycles, inertia, words))
     found = [*backwards, *filters.find_inertia(cycles, inertia, words)]
@@ -126,19 +126,17 @@ def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -
         scales, cycles = odd_runs.find_other_scales(cycles, inertia, words)
         odd, cycles = odd_runs.find_odd_runs(cycles, inertia, words)
         found += [*scales, *odd, *filters.find_filters(cycles, inertia, words)]
-    yield from found
     if any(finding.severity == "stops" for finding in found):
-        return
-    broadband = list(_find_in_broadband(campaign, records, words))
-    yield from broadband
+        return found
     filtered = any(f.id in ("low_pass", "ac_coupling") for f in found)
-    odd_names = {f.run for f in (*found, *broadband) if f.id != "drift"}
+    found += _find_in_broadband(campaign, records, words)
+    odd_names = {f.run for f in found if f.id != "drift"}
     sound = [r.run for r in records if r.run is not None and r.name not in odd_names and len(r.alive) > 1]
-    yield from () if filtered else filters.find_channel_delay(campaign, sound, words)
+    return [*found, *(() if filtered else filters.find_channel_delay(campaign, sound, words))]
 
 
-def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Words) -> Iterator[Finding]:
-    """Yield runs without a frequency that have another gain or law than the others, and those that drift."""
+def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Words) -> list[Finding]:
+    """Return runs without a frequency that have another gain or law than the others, and those that drift."""
     inertia = campaign.joint.inertia
     alive = [r.run for r in records if r.declared is None and r.run is not None and len(r.alive) > 1]
     try:
@@ -152,9 +150,9 @@ def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Wor
         drifts = list(odd_runs.find_drifts(left, alike, inertia, words)) if len(alike) else []
     # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
     except (SindyJointError, np.linalg.LinAlgError, ValueError):
-        return
+        return []
     drifting = {f.run for f in drifts}
-    yield from (*scales, *drifts, *(f for f in found if f.run not in drifting))
+    return [*scales, *drifts, *(f for f in found if f.run not in drifting)]
 
 
 Data = TypeVar("Data", Campaign, RigTest)
@@ -307,12 +305,12 @@ def require_sound(check: Check[Data]) -> Check[Data]:
     return check
 
 
-def list_faults(soundness: Soundness, words: Words, motion: Motion) -> Iterator[str]:
-    """Yield what was accepted, and what biases and is not left out."""
+def list_faults(soundness: Soundness, words: Words, motion: Motion) -> list[str]:
+    """Return what was accepted, and what biases and is not left out."""
     accepted = [f for f in soundness.findings if f.severity == "stops" and f.id in soundness.accepted]
-    yield from (f"accepted: {line}" for line in describe(accepted, words, motion))
     biasing = [f for f in soundness.findings if f.severity == "biases" and not f.masked]
-    yield from describe(biasing, words, motion)
+    said = (f"accepted: {line}" for line in describe(accepted, words, motion))
+    return [*said, *describe(biasing, words, motion)]
 
 
 def describe(findings: Sequence[Finding], words: Words, motion: Motion) -> list[str]:
@@ -332,11 +330,16 @@ def describe(findings: Sequence[Finding], words: Words, motion: Motion) -> list[
 
 
 def _list_unchecked(campaign: Campaign) -> Iterator[str]:
-    if campaign.quasi_static:
-        yield "the samples have no time: delay, drift, filters, mains, spikes and repetition were not checked"
     long = [run.name for run in campaign.runs if run.whole is not None]
-    if long:
-        yield (
+    notes = [
+        (
+            campaign.quasi_static,
+            "the samples have no time: delay, drift, filters, mains, spikes and repetition were not checked",
+        ),
+        (
+            long,
             f"too long for memory: {list_some(long)}; only the first segment was checked for faults, and no sample is "
-            "left out"
-        )
+            "left out",
+        ),
+    ]
+    return (words for there, words in notes if there)

@@ -177,12 +177,11 @@ def _find_censored(run: Run, finding: Finding) -> Mask:
     )
     clipped = signal[marked_of(finding.spans, signal.size)]
     middle = 0.5 * (signal.max() + signal.min())
-    out = np.zeros(signal.size, dtype=bool)
-    if np.any(clipped > middle):
-        out |= mean > np.min(clipped[clipped > middle]) - margin
-    if np.any(clipped < middle):
-        out |= mean < np.max(clipped[clipped < middle]) + margin
-    return out
+    top, bottom = (
+        clipped[clipped > middle].min(initial=np.inf),
+        clipped[clipped < middle].max(initial=-np.inf),
+    )
+    return np.asarray((mean > top - margin) | (mean < bottom + margin))
 
 
 def bridge_record(record: Record, findings: Sequence[Finding]) -> Record:

@@ -23,16 +23,18 @@ def list_warnings(
     delay: ChannelDelay | None,
     aligned: bool,
     indistinct: Sequence[str] = (),
-) -> Iterator[str]:
-    """Yield the warnings that hold for a result."""
-    yield from campaign.warnings
-    if delay is not None and delay.significant and model.fitted.misfit <= EQUATION.tolerated:
-        # Where the law does not fit, the best delay compensates for what the law lacks.
-        yield _word_delay(delay, model, aligned)
-    yield from warn_of_negative_inertia(model)
-    yield from _warn_of_signs(states, model)
-    yield from _warn_of_softening(model)
-    yield from _warn_of_evidence(campaign, states, model, indistinct)
+) -> list[str]:
+    """Return the warnings that hold for a result."""
+    # Where the law does not fit, the best delay compensates for what the law lacks.
+    certain = delay is not None and delay.significant and model.fitted.misfit <= EQUATION.tolerated
+    return [
+        *campaign.warnings,
+        *([_word_delay(delay, model, aligned)] if delay is not None and certain else []),
+        *warn_of_negative_inertia(model),
+        *_warn_of_signs(states, model),
+        *_warn_of_softening(model),
+        *_warn_of_evidence(campaign, states, model, indistinct),
+    ]
 
 
 def _warn_of_evidence(
@@ -129,9 +131,8 @@ def channel_words(model: JointModel) -> tuple[str, str]:
 def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
     """Elastic stiffness and dissipation that are negative in every run point to a reversed channel."""
     stiffness, power = [], []
-    for state in states:
-        if not state.moving.any():  # what completed it has no certain ends
-            continue
+    # What completed a state that moves nowhere has no certain ends.
+    for state in (each for each in states if each.moving.any()):
         moment = state.transfer_moment(model.inertia)[state.moving]
         angle, rate = state.angle[state.moving] - np.mean(state.angle), state.rate[state.moving]
         stiffness.append(float(np.mean((moment - moment.mean()) * angle)))

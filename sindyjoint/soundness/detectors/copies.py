@@ -147,12 +147,10 @@ def find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
                 "put in the column that was meant, or leave that sensor out",
             )
     for before, after in combinations(loud, 2):
-        for one in before.alive:
-            other = after.channel(one.name)
-            # A motion without noise was prescribed, and is proportional in any two runs.
-            if other is None or one.name == "rate" or one.noise == 0:
-                continue
-            gain = _gain_of_copy(one.values, other.values)
+        # A motion without noise was prescribed, and is proportional in any two runs.
+        some = [(c, after.channel(c.name)) for c in before.alive if c.name != "rate" and c.noise != 0]
+        for one, other in some:
+            gain = None if other is None else _gain_of_copy(one.values, other.values)
             if gain is not None:
                 yield words.finding(
                     "scaled_copy",

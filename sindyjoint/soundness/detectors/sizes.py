@@ -115,10 +115,7 @@ def find_sizes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield angles beyond half a turn, and motions too small or too large for any joint."""
     unit = words.unit("angle")
     largest = SOUNDNESS.largest_angle if unit == "rad" else SOUNDNESS.largest_stroke
-    for record in records:
-        angle = record.channel("angle")
-        if angle is None:
-            continue
+    for record, angle in ((r, c) for r in records if (c := r.channel("angle")) is not None):
         low, high = np.quantile(angle.values, [0.005, 0.995])
         peak, swing = float(max(abs(low), abs(high))), float(high - low) / 2
         if peak <= largest and swing >= SOUNDNESS.smallest_motion:
@@ -210,23 +207,28 @@ def find_coverage(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     known = [r.frequency for r in records if r.frequency is not None]
     ranges = [c.range for r in records if (c := r.channel("angle")) is not None]
     steady = bool(ranges) and len(known) == len(records)
-    said = []
-    if len(records) == 1:
-        said.append((
-            "one run only", "no coefficient can be checked on a run that was left out",
+    one, swing = len(records) == 1, 0.5 * max(ranges, default=0.0)
+    said: list[tuple[object, str, str, str]] = [
+        (
+            one,
+            "one run only",
+            "no coefficient can be checked on a run that was left out",
             "make runs at several levels and frequencies",
-        ))  # fmt: skip
-    elif steady and max(known) < (1 + SOUNDNESS.small_share) * min(known):
-        said.append((
-            f"one frequency only, {known[0]:g} Hz", "c1 and the inertia cannot be told from M_F and k1",
+        ),
+        (
+            steady and not one and max(known) < (1 + SOUNDNESS.small_share) * min(known),
+            f"one frequency only, {next(iter(known), 0.0):g} Hz",
+            "c1 and the inertia cannot be told from M_F and k1",
             "make runs at three frequencies or more",
-        ))  # fmt: skip
-    if steady and len(records) > 1 and max(ranges) < (1 + SOUNDNESS.alike) * min(ranges):
-        said.append((
-            f"one level only, an amplitude of {0.5 * max(ranges):.3g} {words.unit('angle')}",
-            "k3 cannot be told from k1, nor M_F from c1", "make runs at two levels or more",
-        ))  # fmt: skip
-    yield from (Finding("coverage", None, None, "note", *each) for each in said)
+        ),
+        (
+            steady and not one and max(ranges) < (1 + SOUNDNESS.alike) * min(ranges),
+            f"one level only, an amplitude of {swing:.3g} {words.unit('angle')}",
+            "k3 cannot be told from k1, nor M_F from c1",
+            "make runs at two levels or more",
+        ),
+    ]
+    yield from (Finding("coverage", None, None, "note", *each[1:]) for each in said if each[0])
     # A file that ends where it was cut off looks whole.
     lasting = np.array([r.duration for r in records])
     usual = float(np.median(lasting))

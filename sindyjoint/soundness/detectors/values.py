@@ -207,10 +207,7 @@ def find_lost(record: Record, words: Words) -> Iterator[Finding]:
     motion can be bridged; across a longer one derivatives would be invented.
     """
     done = "filled in" if words.structure else "left out"
-    for channel, lost in record.lost.items():
-        spans = spans_of(lost)
-        if not spans:
-            continue
+    for channel, spans in ((name, s) for name, lost in record.lost.items() if (s := spans_of(lost))):
         lengths = [b - a for a, b in spans]
         masked = record.short(spans)
         remedy = f"those samples are {done}; look at the buffer of the recorder"

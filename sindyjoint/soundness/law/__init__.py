@@ -231,12 +231,14 @@ def rows_of(runs: Motions, scale: Scale, inertia: float | None) -> Rows:
     sign = np.sign(v)
     # A power beyond the second takes a hundred times as long as a product.
     plain = [np.ones_like(a), a, a**2, a**2 * a, v, sign]
-    built = [*plain, a**2 * a**2 * a, v * np.abs(v), a * v, a**2 * v, np.abs(a) * sign, a * sign]
-    built += [np.abs(v), a * v**2] if runs.frequency is None else []
-    for values, (low, high) in zip(np.moveaxis(runs.inputs, 2, 0), scale.inputs, strict=True):
-        built += [column * (values - low) / (high - low) for column in plain if high > low]
-    if inertia is None:
-        built.append(runs.acceleration * scale.angle / scale.rate**2)
+    ends = zip(np.moveaxis(runs.inputs, 2, 0), scale.inputs, strict=True)
+    built = [
+        *plain,
+        *(a**2 * a**2 * a, v * np.abs(v), a * v, a**2 * v, np.abs(a) * sign, a * sign),
+        *((np.abs(v), a * v**2) if runs.frequency is None else ()),
+        *(c * (x - low) / (high - low) for x, (low, high) in ends if high > low for c in plain),
+        *((runs.acceleration * scale.angle / scale.rate**2,) if inertia is None else ()),
+    ]
     moving = np.abs(runs.rate) > SOUNDNESS.minor_share * np.abs(runs.rate).max(axis=1, keepdims=True)
     weight = moving / np.where(runs.size == 0, 1.0, runs.size)[:, None]
     load = runs.moment - (inertia or 0.0) * runs.acceleration
@@ -280,8 +282,7 @@ def least(left: Callable[[float], float], grid: Array) -> tuple[float, float]:
     for _ in range(6):
         places = sorted(known)
         at = places.index(min(places, key=known.__getitem__))
-        for other in (*places[max(at - 1, 0) : at], *places[at + 1 : at + 2]):
-            middle = (places[at] + other) / 2
-            known[middle] = left(middle)
+        beside = (*places[max(at - 1, 0) : at], *places[at + 1 : at + 2])
+        known |= {middle: left(middle) for middle in ((places[at] + other) / 2 for other in beside)}
     best = min(known, key=known.__getitem__)
     return best, known[best]

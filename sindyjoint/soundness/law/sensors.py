@@ -175,17 +175,16 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
         ratio = fit.chi_squared / clean.degrees / (before.chi_squared / equations.degrees)
         return Explained(kind, which, run, fit, clean, ratio)
 
-    known = []
-    for run in _odd_runs(before, equations):
-        for channel in channels:
-            guess = first_guess(equations, channel, run, longest)
-            for fault, delayed in ((guess, True), (guess._replace(delay=0.0), False)):
-                fit = fit_fault(equations, fault, delayed)
-                if fit.fault is not None and abs(fit.fault.delay) <= longest:
-                    known.append(explained("fault", (channel,), run, fit, fit.fault.removed(equations)))
-        for pair in combinations(channels[1:], 2):
-            clean = swapped(equations, *pair, run)
-            known.append(explained("swapped", pair, run, fit_fault(clean), clean))
+    runs, pairs = _odd_runs(before, equations), list(combinations(channels[1:], 2))
+    guesses = [first_guess(equations, channel, run, longest) for run in runs for channel in channels]
+    ways = [way for guess in guesses for way in ((guess, True), (guess._replace(delay=0.0), False))]
+    fits = [fit_fault(equations, fault, delayed) for fault, delayed in ways]
+    found = [(fit, fit.fault) for fit in fits if fit.fault is not None and abs(fit.fault.delay) <= longest]
+    others = [(pair, run, swapped(equations, *pair, run)) for run in runs for pair in pairs]
+    known = [
+        *(explained("fault", (f.channel,), f.run, fit, f.removed(equations)) for fit, f in found),
+        *(explained("swapped", pair, run, fit_fault(clean), clean) for pair, run, clean in others),
+    ]
     best = min(known, key=lambda each: each.ratio)
     # Two explanations that undo the same thing: a delay that is none, one run among all.
     rivals = [each.ratio for each in known if not set(each.channels) & set(best.channels)]
@@ -197,8 +196,8 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
     if spare < 2:
         return None
     without = [left_out(equations, channel) for channel in channels[1:]]
-    found = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in enumerate(without, 1)]
-    first, second = sorted(found, key=lambda each: each.ratio)[:2]
+    lacking = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in enumerate(without, 1)]
+    first, second = sorted(lacking, key=lambda each: each.ratio)[:2]
     # A channel less leaves less, whichever it is: what a second one explains as well is the structure.
     alone = first.ratio <= SOUNDNESS.explains / 2 and second.ratio >= SOUNDNESS.explains
     return first if alone else None
