@@ -52,6 +52,11 @@ class Light:
     inertia: float | None = None
 
 
+def doubt(name: str, found: str, fine: str) -> Light:
+    """Return the reason for doubt that was found; that for trust where none was."""
+    return Light(name, "fair", found) if found else Light(name, "good", fine)
+
+
 @dataclass(frozen=True)
 class NextStep:
     """A command, or an action on the bench, and what it is for."""

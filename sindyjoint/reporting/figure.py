@@ -82,9 +82,9 @@ def nothing(ax: Axes, sentence: str) -> None:
     ax.text(0.5, 0.5, sentence, ha="center", va="center", wrap=True, transform=ax.transAxes)
 
 
-def fixed(*panels: Panel) -> Callable[[Any], list[Panel]]:
-    """Return what gives the same panels for every result."""
-    return lambda data: list(panels)
+def fixed(*panels: Panel, when: Callable[[Any], object] = lambda data: True) -> Callable[[Any], list[Panel]]:
+    """Return what gives the same panels for every result that has what they show."""
+    return lambda data: [*panels] * bool(when(data))
 
 
 def each(

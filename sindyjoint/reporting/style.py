@@ -121,8 +121,8 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     return 1e9, "n" + pretty_unit(unit)
 
 
-def amount(value: float, unit: str, digits: int = 3) -> str:
-    """Return a number with its unit, prefixed to its size.
+def amount(value: float, unit: str, digits: int = 3, half: float = 0.0) -> str:
+    """Return a number with its unit, prefixed to its size, and half the width of its interval where it has one.
 
     Examples
     --------
@@ -130,7 +130,8 @@ def amount(value: float, unit: str, digits: int = 3) -> str:
     '0.5 mJ'
     """
     factor, shown = prefixed(value, unit)
-    return f"{value * factor:.{digits}g} {shown}".rstrip()
+    width = f" ± {half * factor:.2g}" if half > 0 else ""
+    return f"{value * factor:.{digits}g}{width} {shown}".rstrip()
 
 
 def plain(text: object) -> str:

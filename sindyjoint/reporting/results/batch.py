@@ -27,7 +27,7 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import list_some, percent, spelled
-from sindyjoint.trust import Light, Trust
+from sindyjoint.trust import Light, Trust, doubt
 from sindyjoint.workflows.joints import CAMPAIGNS, CampaignRecord
 from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
 from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
@@ -263,15 +263,17 @@ def _trust(result: Batch) -> Trust:
         Light("models", "fair" if result.found else "poor", f"none in {list_some([r.id for r in lost])}")
         if lost
         else Light("models", "good", "one in every campaign"),
-        Light("compared", "good", f"on the terms of more than half of the models: {common}")
-        if common
-        else Light("compared", "fair", "on nothing: no term is in more than half of the models"),
-        Light("alike", "fair", f"{list_some(apart)} differ from the others: see which joints differ")
-        if apart
-        else Light("alike", "good", "no coefficient leaves the distribution of the others")
-        if result.found >= POLICY.scatter
-        else Light(
-            "alike", "fair", f"{result.found} joints; an outlier shows among {POLICY.scatter} or more"
+        doubt(
+            "compared",
+            "on nothing: no term is in more than half of the models" * (not common),
+            f"on the terms of more than half of the models: {common}",
+        ),
+        doubt(
+            "alike",
+            f"{list_some(apart)} differ from the others: see which joints differ" * bool(apart)
+            or f"{result.found} joints; an outlier shows among {POLICY.scatter} or more"
+            * (result.found < POLICY.scatter),
+            "no coefficient leaves the distribution of the others",
         ),
     )
     where = {record.id: shlex.quote(record.manifest) for record in result.records}

@@ -6,13 +6,13 @@ import numpy as np
 from rich.markup import escape
 
 from sindyjoint.judgement.changed import Change, Shift
-from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, math_symbol, plot
+from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, fixed, math_symbol, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
 from sindyjoint.reporting.tables import DASH, TextTable, csv_text, shown, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, rounded
-from sindyjoint.trust import Light, Trust
+from sindyjoint.trust import Trust, doubt
 
 
 def _drawn(data: Change) -> list[Shift]:
@@ -44,7 +44,7 @@ KINDS = by_name(
         "After against before",
         "Relative change of each coefficient with its 95 % interval; grey: the margin within which a change does not "
         "matter; orange: changed beyond noise and calibration.",
-        lambda data: [shifts] if _drawn(data) else [],
+        fixed(shifts, when=_drawn),
         wide=True,
         height=lambda data: 0.9 + 0.28 * len(_drawn(data)),
     )
@@ -82,19 +82,18 @@ def _trust(result: Change) -> Trust:
     alone = [shift.symbol for shift in result.shifts if shift.answer == "not compared"]
     beyond = f"{100 * result.margin:.3g} %"
     lights = (
-        Light("data", "fair", "; ".join(result.warnings))
-        if result.warnings
-        else Light("data", "good", "nothing stands against either of the tests"),
-        Light("alike", "fair", f"only one of the tests has {list_some(alone, 'terms')}")
-        if alone
-        else Light("alike", "good", "both tests have the same terms"),
-        Light(
+        doubt("data", "; ".join(result.warnings), "nothing stands against either of the tests"),
+        doubt(
+            "alike",
+            f"only one of the tests has {list_some(alone, 'terms')}" * bool(alone),
+            "both tests have the same terms",
+        ),
+        doubt(
             "resolved",
-            "fair",
-            f"a change of more than {beyond} is not ruled out for {list_some(unsure, 'terms')}",
-        )
-        if unsure
-        else Light("resolved", "good", f"a change of {beyond} of any coefficient would be seen"),
+            f"a change of more than {beyond} is not ruled out for {list_some(unsure, 'terms')}"
+            * bool(unsure),
+            f"a change of {beyond} of any coefficient would be seen",
+        ),
     )
     further = ("record longer, or at more levels", f"rule out changes of more than {beyond}")
     lacking = ("sindyjoint diagnose CAMPAIGN", "see what the later test shows that the earlier model lacks")

@@ -270,7 +270,7 @@ def _tables(result: Comparison) -> tuple[TextTable, ...]:
         coefficients_table(result),
         *([tests_table(result.tests, result.motion)] if result.tests else []),
         *([folds_table(result)] if result.left_out else []),
-        *([given_model_table(result.given, result.motion)] if result.given is not None else []),
+        *(given_model_table(given, result.motion) for given in (result.given,) if given is not None),
     )
 
 

@@ -13,14 +13,14 @@ from sindyjoint.judgement import EXPORT
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, Section, capital, section
-from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, amount, prefixed, shortened
+from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, amount, shortened
 from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.substructure.forced import ForcedResponse, StructureCurves
 from sindyjoint.substructure.joint_curves import MEASURES, JointCurves
 from sindyjoint.substructure.modes import ModeCurve
 from sindyjoint.text import quantities
-from sindyjoint.trust import Light, Trust
+from sindyjoint.trust import Trust, doubt
 
 # Of angles and stiffnesses, by kind of motion.
 UNITS = {"rotation": ("rad", "N*m/rad"), "translation": ("m", "N/m")}
@@ -85,16 +85,14 @@ def over_frequency(data: StructureCurves, ax: Axes, receptance: bool) -> None:
         curves += [(at, None, {"color": MUTED, "lw": 0.7} | look) for at, look in marks]
     else:
         seen = np.concatenate([level.amplitude for level in data.levels])
-        curves += _backbones(data, float(seen.min()), float(seen.max()))
+        near = {m: (m.amplitude >= 0.5 * seen.min()) & (m.amplitude <= 2 * seen.max()) for m in data.modes}
+        backbone = {"color": INK, "lw": 1.1, "ls": DASHES[1]}
+        curves += [
+            (m.frequency[at], m.amplitude[at], backbone | {"label": f"backbone, mode {m.number}"})
+            for m, at in near.items()
+            if m.point == data.point and at.any()
+        ]
     plot(ax, "Frequency (Hz)", up, curves, legend="upper right", yscale="log")
-
-
-def _backbones(data: StructureCurves, low: float, high: float) -> Iterator[Curve]:
-    for mode in data.modes:
-        seen = (mode.amplitude >= 0.5 * low) & (mode.amplitude <= 2 * high)
-        if mode.point == data.point and seen.any():
-            look = {"color": INK, "lw": 1.1, "ls": DASHES[1], "label": f"backbone, mode {mode.number}"}
-            yield mode.frequency[seen], mode.amplitude[seen], look
 
 
 def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, damping: bool) -> None:
@@ -137,14 +135,14 @@ STRUCTURE_KINDS = by_name(
         "Frequency response by level",
         "First harmonic of the deflection at each level of the force, and the backbone through the peaks. Dashes: "
         "between two folds, where no test stays; dots: beyond what was tested.",
-        lambda data: [partial(over_frequency, receptance=False)] if data.levels else [],
+        fixed(partial(over_frequency, receptance=False), when=lambda data: data.levels),
         wide=True,
     ),
     Kind(
         "receptance",
         "Receptance by level",
         "Deflection per force: of a linear structure the levels would be one curve.",
-        lambda data: [partial(over_frequency, receptance=True)] if data.levels else [],
+        fixed(partial(over_frequency, receptance=True), when=lambda data: data.levels),
         wide=True,
     ),
     Kind(
@@ -168,12 +166,16 @@ def _trust(tested: bool, bands: bool, farthest: str, *, model: bool = True) -> T
     ``farthest`` is the largest amplitude that is drawn; ``model`` says whether one was given.
     """
     lights = (
-        Light("range", "good", "within the amplitudes that were tested")
-        if tested
-        else Light("range", "fair", "dotted parts lie beyond the amplitudes that were tested"),
-        Light("intervals", "good", "the 95 % bands follow from the standard errors of the coefficients")
-        if bands
-        else Light("intervals", "fair", "the model holds no standard errors: the curves have no bands"),
+        doubt(
+            "range",
+            "dotted parts lie beyond the amplitudes that were tested" * (not tested),
+            "within the amplitudes that were tested",
+        ),
+        doubt(
+            "intervals",
+            "the model holds no standard errors: the curves have no bands" * (not bands),
+            "the 95 % bands follow from the standard errors of the coefficients",
+        ),
     )
     record = (f"record runs of up to {farthest}", "have what is dotted tested as well")
     at_hand = ("sindyjoint export MODEL --to python --out joint", EXPORT[1])
@@ -182,12 +184,6 @@ def _trust(tested: bool, bands: bool, farthest: str, *, model: bool = True) -> T
         "find the law of a joint, here of a virtual test, and draw these curves with it: --model results",
     )
     return Trust(lights, (*[record] * (not tested), at_hand if model else own))
-
-
-def _with_width(value: float, error: float, unit: str) -> str:
-    factor, shown = prefixed(value, unit)
-    width = f" ± {1.96 * error * factor:.2g}" if error > 0 else ""
-    return f"{value * factor:.4g}{width} {shown}".rstrip()
 
 
 def _joint_tables(result: JointCurves) -> tuple[TextTable, ...]:
@@ -201,8 +197,11 @@ def _joint_tables(result: JointCurves) -> tuple[TextTable, ...]:
     ]
 
     def width(measure: str, unit: str) -> Any:
-        return lambda row: _with_width(
-            float(getattr(row[0], measure)[row[1]]), float(getattr(row[0], f"{measure}_error")[row[1]]), unit
+        return lambda row: amount(
+            float(getattr(row[0], measure)[row[1]]),
+            unit,
+            4,
+            1.96 * float(getattr(row[0], f"{measure}_error")[row[1]]),
         )
 
     return (
@@ -239,7 +238,9 @@ def _structure_tables(result: StructureCurves) -> tuple[TextTable, ...]:
             {
                 "Force": lambda level: f"{level.force:.3g} N",
                 "Peak at": lambda level: f"{level.peak[0]:.4g} Hz",
-                "Amplitude": lambda level: _with_width(level.peak[1], level.peak[1] * level.peak_error, "m"),
+                "Amplitude": lambda level: amount(
+                    level.peak[1], "m", 4, 1.96 * (level.peak[1] * level.peak_error)
+                ),
                 "Largest joint angle": lambda level: amount(
                     float(level.angle.max()), UNITS[result.motion][0]
                 ),

@@ -14,7 +14,8 @@ from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.mathml import effect_mathml, mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
-from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, PARTS, STRUCTURE_KINDS, thinned
+from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, PARTS, STRUCTURE_KINDS
+from sindyjoint.reporting.results.verification import every
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import (
     DASH,
@@ -237,7 +238,9 @@ DIAGNOSIS: View = View(
     kinds=lambda data: STRUCTURE_KINDS if data.source == "structure" else CAMPAIGN_KINDS,
     # With the model that model.json holds, and no more samples than a picture shows.
     kept=lambda data: replace(
-        data, model=data.whole or data.model, records=tuple(map(thinned, data.records))
+        data,
+        model=data.whole or data.model,
+        records=tuple(every(r, r.time.size, "time", "measured", "before", "after") for r in data.records),
     ),
     headline=lambda result: result.trust or judge_diagnosis(result, DIAGNOSIS.simulated(result)),
     tables=_tables,

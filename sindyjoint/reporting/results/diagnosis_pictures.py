@@ -1,7 +1,6 @@
 """Pictures of a diagnosis: its gap, where it lies, what it is made of; runs and records before and after."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from functools import partial
 from textwrap import fill
 from typing import Any
@@ -29,7 +28,7 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
-from sindyjoint.reporting.results.verification import CYCLES_SHOWN, KEPT_SAMPLES
+from sindyjoint.reporting.results.verification import CYCLES_SHOWN
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, shortened
 from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, force_state_map
@@ -227,7 +226,7 @@ CAMPAIGN_KINDS = by_name(
         "where",
         "Where the gap lies",
         "Regions of the motion that hold more of the first gap than their share of the samples.",
-        lambda result: [where] if result.where else [],
+        fixed(where, when=lambda result: result.where),
         wide=True,
     ),
     Kind(
@@ -236,27 +235,18 @@ CAMPAIGN_KINDS = by_name(
         "What the first gap is made of: effects of the joint without internal state and its coefficients (state), "
         "hysteresis in the joint (history), differences between runs, what lies outside the joint or is not explained "
         "(run), processing and time step, noise.",
-        lambda result: [budget_parts] if result.budget.total == result.budget.total else [],
+        fixed(budget_parts, when=lambda result: not np.isnan(result.budget.total)),
         wide=True,
     ),
     Kind(
         "rivals",
         "Rivals",
         "Probability of each named effect, and of the effects that would explain nearly as much.",
-        lambda result: [rivals] if result.steps else [],
+        fixed(rivals, when=lambda result: result.steps),
         wide=True,
         height=lambda result: 1.1 + 0.28 * sum(1 + len(s.rivals[:MOST_RIVALS]) for s in result.steps),
     ),
 )
-
-
-def thinned(record: RecordGap) -> RecordGap:
-    """Return a record with no more samples than a picture shows."""
-    step = -(-record.time.size // KEPT_SAMPLES)
-    before, after = (None if x is None else x[::step] for x in (record.before, record.after))
-    return replace(
-        record, time=record.time[::step], measured=record.measured[::step], before=before, after=after
-    )
 
 
 def _curves_of(record: RecordGap) -> list[tuple[Array, Any]]:

@@ -10,7 +10,7 @@ import numpy as np
 from rich.markup import escape
 
 from sindyjoint.discovery.delay import ChannelDelay
-from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
@@ -114,7 +114,7 @@ def _page(result: Discovery | ReportData, data: ReportData, show: Blocks, folder
     ]
     path = show.folded("Every model of the path", [show.table(path_table(data))]) if data.path else ""
     candidates = ", ".join(spelled(each, model.joint.motion) for each in data.candidates)
-    cells = "virtual test cells" if _simulated(data) else "measured cells"
+    cells = "virtual test cells" if model.fitted.simulated else "measured cells"
     return Page(
         f"{name}: terms of the joint",
         "Joint identification",
@@ -221,12 +221,19 @@ def _details(result: Discovery) -> Iterator[str]:
         f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
         + (f"{fitted.noise_floor:.4g}" if math.isfinite(fitted.noise_floor) else "an unknown part")
     )
-    yield from _shares(result)
-
-
-def _simulated(result: Discovery | ReportData) -> bool:
-    """Return whether the model is of a virtual test."""
-    return result.model.fitted.simulated
+    terms = [(term, abs(term.coefficient) or 1.0) for term in result.model.terms]
+    yield from aligned(
+        tabulate(
+            "shares",
+            "",
+            terms,
+            {
+                "term": lambda one: one[0].id,
+                "unique share": lambda one: f"{100 * one[0].unique_share:.2f} %",
+                "relative error": lambda one: f"{100 * (one[0].standard_error / one[1]):.3f} %",
+            },
+        )
+    )
 
 
 def over_table(over: OverInput) -> TextTable:
@@ -348,24 +355,6 @@ def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iter
     )
 
 
-def _shares(result: Discovery) -> Iterator[str]:
-    def relative(term: ModelTerm, value: float) -> str:
-        return f"{100 * (value / (abs(term.coefficient) or 1.0)):.3f} %"
-
-    return aligned(
-        tabulate(
-            "shares",
-            "",
-            result.model.terms,
-            {
-                "term": lambda term: term.id,
-                "unique share": lambda term: f"{100 * term.unique_share:.2f} %",
-                "relative error": lambda term: relative(term, term.standard_error),
-            },
-        )
-    )
-
-
 #: Its data are gathered into small arrays, and its page is made of only these.
 DISCOVERY = View(
     about=_about,
@@ -377,7 +366,7 @@ DISCOVERY = View(
     kinds=KINDS,
     judged_by=lambda result: FINDING,
     drawn_from=gather,
-    simulated=_simulated,
+    simulated=lambda result: result.model.fitted.simulated,
     seed=lambda result, given: result.regressor.random_state,
     headline=lambda result: result.trust,
     tables=_tables,

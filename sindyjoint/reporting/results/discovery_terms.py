@@ -313,7 +313,7 @@ _WHOLE = (
         "covariance",
         "Covariance",
         "Correlation of the coefficients' errors; near ±1 the data cannot distinguish two terms.",
-        lambda data: [covariance] if data.model.terms else [],
+        fixed(covariance, when=lambda data: data.model.terms),
     ),
 )
 

@@ -10,13 +10,13 @@ from rich.markup import escape
 
 from sindyjoint.planning.plan import PLAN_NAME, TELL_APART, Plan, drive_signal, plan_text, run_name
 from sindyjoint.planning.search import PAPER
-from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, plot, scaled
+from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, pretty_unit
 from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, percent, spelled
-from sindyjoint.trust import Light, Trust
+from sindyjoint.trust import Light, Trust, doubt
 
 GOALS = {
     "widths": "widest 95 % interval",
@@ -135,7 +135,7 @@ KINDS = by_name(
         "runs",
         "The runs",
         "Frequency and level of every run; the numbers are their order. Crosses: the grid of the same duration.",
-        lambda data: [draw_runs] if len({run.drive for run in data.runs}) == 1 < len(data.runs) else [],
+        fixed(draw_runs, when=lambda data: len({run.drive for run in data.runs}) == 1 < len(data.runs)),
         wide=True,
     ),
     Kind(
@@ -152,14 +152,14 @@ KINDS = by_name(
         "apart",
         "Effects told apart",
         "Probability of the true one of the effects, before and after each run that separates them.",
-        lambda data: [draw_separation] if data.apart is not None and data.apart.after else [],
+        fixed(draw_separation, when=lambda data: data.apart is not None and data.apart.after),
         wide=True,
     ),
     Kind(
         "widths",
         "Expected intervals",
         "Half-width of each coefficient's interval, expected from the plan and from the grid of the same duration.",
-        lambda data: [draw_widths] if data.predicted else [],
+        fixed(draw_widths, when=lambda data: data.predicted),
         wide=True,
     ),
 )
@@ -252,17 +252,19 @@ def undetermined_words(result: Plan) -> str:
 
 def _trust(result: Plan) -> Trust:
     """Return what a plan rests on, what its runs will not tell, and what to do with it."""
-    apart, open_ = result.apart, undetermined_words(result)
+    apart = result.apart
     unsure = apart is not None and (apart.after or (apart.before,))[-1] < apart.enough
     lights = (
-        Light("joint", "good", "as the runs of the campaign show it")
-        if result.now is not None
-        else Light("joint", "fair", "known from before: what is expected holds for joints in that range"),
-        Light("determined", "fair", open_)
-        if open_
-        else Light("determined", "good", "every coefficient is expected to stand clear of zero"),
-        *([Light("apart", "fair", "the effects stay less sure than was asked for")] if unsure else []),
-        *([Light("limits", "fair", "; ".join(result.warnings))] if result.warnings else []),
+        doubt(
+            "joint",
+            "known from before: what is expected holds for joints in that range" * (result.now is None),
+            "as the runs of the campaign show it",
+        ),
+        doubt(
+            "determined", undetermined_words(result), "every coefficient is expected to stand clear of zero"
+        ),
+        *[Light("apart", "fair", "the effects stay less sure than was asked for")] * unsure,
+        *[Light("limits", "fair", "; ".join(result.warnings))] * bool(result.warnings),
     )
     try_it = (
         "sindyjoint simulate --plan RESULTS --out virtual",

@@ -16,7 +16,7 @@ from sindyjoint.reporting.results.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import MUTED, PALETTE, amount, plain, shortened
 from sindyjoint.reporting.tables import TextTable, csv_columns, tabulate
 from sindyjoint.reporting.view import View, listed
-from sindyjoint.trust import Light, Trust
+from sindyjoint.trust import Light, Trust, doubt
 from sindyjoint.workflows.simulate import RigMotion
 
 
@@ -147,12 +147,11 @@ def _tables(result: RigMotion) -> tuple[TextTable, ...]:
 
 def _trust(result: RigMotion) -> Trust:
     """Return whether the motion is one for which the joints' laws hold, and what to do with it."""
-    beyond = "; ".join(result.warnings)
     return Trust(
         (
-            Light("range", "fair", beyond)
-            if beyond
-            else Light("range", "good", "no joint leaves the range for which its law is known"),
+            doubt(
+                "range", "; ".join(result.warnings), "no joint leaves the range for which its law is known"
+            ),
             Light("data", "fair", "a simulation of the rig as its file describes it: nothing was measured"),
         ),
         (("sindyjoint curves RIG --out curves", "see its frequency response and modes over amplitude"),),

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from rich.markup import escape
@@ -38,11 +38,12 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.response.oscillations import hilbert_envelope
-from sindyjoint.response.verification import Band, RunVerification, Verification
+from sindyjoint.response.verification import RunVerification, Verification
 from sindyjoint.text import in_words_of_origin, percent, quantities, rounded, spelled
 from sindyjoint.trust import Trust
 from sindyjoint.workflows.verify import RefinedModel
 
+T = TypeVar("T")
 CYCLES_SHOWN = 6
 UNITS = {
     "angle": "rad", "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "moment": "N*m", "force": "N",
@@ -56,14 +57,21 @@ MARKS: Any = {"ls": "none", "ms": 2.5}
 
 def thinned(result: Verification) -> Verification:
     """Return a verification with no more samples than a picture shows."""
-    return replace(result, runs=tuple(_thinned(run) for run in result.runs))
+    runs = (
+        replace(
+            every(run, run.time.size, "time", "measured", "simulated"),
+            band=run.band and every(run.band, run.time.size, "low", "high"),
+        )
+        for run in result.runs
+    )
+    return replace(result, runs=tuple(runs))
 
 
-def _thinned(run: RunVerification) -> RunVerification:
-    step = -(-run.time.size // KEPT_SAMPLES)
-    band = run.band and Band(run.band.low[::step], run.band.high[::step], run.band.draws, run.band.failed)
-    simulated = None if run.simulated is None else run.simulated[::step]
-    return replace(run, time=run.time[::step], measured=run.measured[::step], simulated=simulated, band=band)
+def every(record: T, size: int, *names: str) -> T:
+    """Return a record whose fields of so many samples, those that it has, hold no more than a picture shows."""
+    known = {name: values for name in names if (values := getattr(record, name)) is not None}
+    step = -(-size // KEPT_SAMPLES)
+    return replace(record, **{name: values[::step] for name, values in known.items()})  # type: ignore[type-var]
 
 
 def _scale(run: RunVerification, name: str = "") -> Scale:
