@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -215,6 +215,21 @@ def printable(text: str) -> str:
     'red \\x1b[31m joint'
     """
     return _CONTROL.sub(lambda found: found[0].encode("unicode_escape", "surrogatepass").decode(), text)
+
+
+def in_columns(
+    rows: Sequence[Sequence[str]], justify: Callable[[str, int], str] = str.ljust
+) -> Iterator[str]:
+    """Yield rows with their columns under each other: the first begins at the left, the others as is said.
+
+    Examples
+    --------
+    >>> list(in_columns([("term", "n"), ("k", "12")], str.rjust))
+    ['term   n', 'k     12']
+    """
+    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
+    for row in rows:
+        yield "  ".join([row[0].ljust(first), *map(justify, row[1:], others)]).rstrip()
 
 
 def superscript(digits: object) -> str:

@@ -24,6 +24,7 @@ from sindyjoint.export.fidelity import (
     Rows,
     ascii_line,
     comment,
+    exact_rows,
     fidelity_table,
     filled_in,
     heading,
@@ -34,7 +35,6 @@ from sindyjoint.export.fidelity import (
     range_note,
     sliding_note,
     sliding_rows,
-    viscous_rows,
     words_of,
 )
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
@@ -122,7 +122,7 @@ class _Elements:
 
     def rows(self, cycles: Cycles) -> Rows:
         words = words_of(self.parts.model)
-        rows: Rows = {t.id: Represented("COMBIN40, K2", cycles.term(t)) for t in self.springs}
+        rows = exact_rows(self.springs, cycles, "COMBIN40, K2")
         if not self.linear and self.rising:
             for t in self.springs:
                 table = Curve(self.curve.x, contribution(t, self.curve.x, 0.0))
@@ -134,9 +134,9 @@ class _Elements:
             rows = left_out(
                 self.springs, "a COMBIN39 table must rise on both sides of zero, and this one does not"
             )
-        rows |= {t.id: Represented("COMBIN37, AFORCE", cycles.term(t)) for t in self.constants}
-        rows |= viscous_rows(self.parts, cycles, "COMBIN40, C")
-        rows |= sliding_rows(self.parts, cycles, "COMBIN40, FSLIDE")
+        rows |= exact_rows(self.constants, cycles, "COMBIN37, AFORCE")
+        rows |= exact_rows(self.parts.viscous, cycles, "COMBIN40, C")
+        rows |= sliding_rows(self.parts, self.parts.coulomb, cycles, "COMBIN40, FSLIDE")
         for term, exponent, _, constant in self.powers:
             how, moment = "COMBIN37, DAMP by C1*|CPAR|^C2", cycles.term(term)
             if constant == LIMIT:

@@ -6,7 +6,7 @@ sympy's printers are imported here at the top; import this module only when code
 import keyword
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -26,11 +26,12 @@ from sindyjoint.export.elements import speeds
 from sindyjoint.export.fidelity import (
     Cycles,
     Fidelity,
-    Represented,
     ascii_line,
     comment,
-    fidelity_table,
+    exact_rows,
+    exact_table,
     filled_in,
+    left_out,
     number,
     preamble,
     words_of,
@@ -41,24 +42,27 @@ from sindyjoint.inputs import Input
 DIRECTION = sympy.Symbol("direction", real=True)
 
 
-class CPrinter(C99CodePrinter):
-    """C99 with doubles to the last digit."""
+class InFull:
+    """What the printers of all languages have: numbers to the last digit, and a function for the sign."""
+
+    sign = "sign"
+    _print: Callable[[Any], str]
 
     def _print_Float(self, expr: Any) -> str:
         return number(float(expr))
 
     def _print_sign(self, expr: Any) -> str:
-        return f"joint_sign({self._print(expr.args[0])})"
+        return f"{self.sign}({self._print(expr.args[0])})"
 
 
-class PythonPrinter(PythonCodePrinter):
-    """Plain Python over ``math``, numbers to the last digit."""
+class CPrinter(InFull, C99CodePrinter):
+    """C99 with doubles."""
 
-    def _print_Float(self, expr: Any) -> str:
-        return number(float(expr))
+    sign = "joint_sign"
 
-    def _print_sign(self, expr: Any) -> str:
-        return f"sign({self._print(expr.args[0])})"
+
+class PythonPrinter(InFull, PythonCodePrinter):
+    """Plain Python over ``math``."""
 
 
 def at_slip(expression: sympy.Expr) -> sympy.Expr:
@@ -268,23 +272,19 @@ def bounds(model: JointModel) -> str:
     return f"the stiffness falls to zero at {' and '.join(sides)}; beyond, the joint snaps through"
 
 
-def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
+def formula_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
     """Return the fidelity table of a target that computes the formulas themselves."""
-    cycles = Cycles.of(model)
-    represented = {term.id: Represented(how, cycles.term(term)) for term in model.terms}
-    represented |= {e.id: Represented(f"{how}, internal states", cycles.element(e)) for e in model.elements}
-    represented |= {
-        term.id: Represented("the number INERTIA, used in steps", cycles.term(term))
-        if term.id == INERTIA
-        else Represented("not carried: a formula of the acceleration", None)
-        for term in Parts.of(model).inertial
-    }
+    inertial, cycles = Parts.of(model).inertial, Cycles.of(model)
+    rows = left_out(tuple(term for term in inertial if term.id != INERTIA), "a formula of the acceleration")
+    rows |= exact_rows(
+        (term for term in inertial if term.id == INERTIA), cycles, "the number INERTIA, used in steps"
+    )
     inputs = [
         (each.name, f"parameter {name}, {each.unit}; unless given, {each.shown(each.reference)}")
         for name, each in law_of(model).inputs
     ]
     parameters = (Fidelity(name, name, words, True, 0.0, 0.0) for name, words in inputs)
-    return (*parameters, *fidelity_table(model, cycles, represented))
+    return (*parameters, *exact_table(model, how, f"{how}, internal states", rows))
 
 
 def code_notes(model: JointModel) -> tuple[str, ...]:
@@ -300,7 +300,7 @@ def code_notes(model: JointModel) -> tuple[str, ...]:
 
 def export_c(model: JointModel) -> Export:
     """Write ``joint.h``: a C99 header with the law and exact stick-slip steps."""
-    rows, notes = exact_rows(model, "C expression"), code_notes(model)
+    rows, notes = formula_rows(model, "C expression"), code_notes(model)
     law = law_of(model)
     text = code(
         "joint.h.j2",

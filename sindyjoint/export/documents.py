@@ -20,11 +20,9 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.export import Export
 from sindyjoint.export.fidelity import (
-    Cycles,
     Fidelity,
-    Represented,
     comment,
-    fidelity_table,
+    exact_table,
     preamble,
     words_of,
 )
@@ -37,21 +35,14 @@ from sindyjoint.workflows.joints.summary import covariates_of, units_of_covariat
 
 def export_json(model: JointModel) -> Export:
     """Write ``model.json``: the model as discover writes it, with its fidelity table; every command reads it back."""
-    rows = _rows(model, "formula, coefficient, covariance", "formulas, numbers, covariance")
+    rows = exact_table(model, "formula, coefficient, covariance", "formulas, numbers, covariance", {})
     record = {**model.to_dict(), "fidelity": [asdict(row) for row in rows]}
     return Export("json", {"model.json": json.dumps(record, indent=1) + "\n"}, rows)
 
 
-def _rows(model: JointModel, term: str, element: str) -> tuple[Fidelity, ...]:
-    cycles = Cycles.of(model)
-    represented = {t.id: Represented(term, cycles.term(t)) for t in model.terms}
-    represented |= {e.id: Represented(element, cycles.element(e)) for e in model.elements}
-    return fidelity_table(model, cycles, represented)
-
-
 def export_latex(model: JointModel) -> Export:
     """Write ``joint.tex``, to be input into a document: the equation and a table of the terms."""
-    rows = _rows(model, "formula and coefficient", "formulas and numbers")
+    rows = exact_table(model, "formula and coefficient", "formulas and numbers", {})
     notes = ("needs the packages booktabs and amsmath; coefficients are rounded to their standard errors",)
     rotation, words = model.joint.motion == "rotation", words_of(model)
     inertia = (

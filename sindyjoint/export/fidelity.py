@@ -4,7 +4,7 @@ import re
 import textwrap
 import unicodedata
 from collections import namedtuple
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Self
@@ -17,9 +17,10 @@ from sindyjoint.equation.element import JointElement, states_along
 from sindyjoint.equation.equation_text import Style, one_line
 from sindyjoint.equation.formula import compile_terms, formula_text, variable_symbols
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
-from sindyjoint.export.parts import GIVE, RAMP, Curve, Parts, contribution, total
+from sindyjoint.export.parts import GIVE, POINTS, RAMP, Curve, Parts, contribution, total
 from sindyjoint.limits import STATES
 from sindyjoint.numeric import Array
+from sindyjoint.text import in_columns
 
 
 @dataclass(frozen=True)
@@ -136,11 +137,9 @@ def fidelity_lines(rows: Sequence[Fidelity]) -> list[str]:
         ("term", "symbol", "RMS error", "largest", "represented as"),
         *((r.term, r.symbol, _percent(r.error), _percent(r.largest_error), r.representation) for r in rows),
     ]
-    lines = [tuple(map(one_line, line)) for line in cells]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)][:4]
     return [
         "Fidelity over the moving states of the tested range, errors in % of the RMS moment:",
-        *("  ".join([*map(str.ljust, line[:4], widths), line[4]]).rstrip() for line in lines),
+        *in_columns([[one_line(cell) for cell in line] for line in cells]),
     ]
 
 
@@ -362,9 +361,18 @@ def jump_of(term: ModelTerm, rate: float) -> float:
     return float(half) if abs(half) > 1e-6 * max(float(size), abs(half)) else 0.0
 
 
-def viscous_rows(parts: Parts, cycles: Cycles, how: str) -> Rows:
-    """Return rows for terms in proportion to the rate, which a dashpot carries exactly."""
-    return {term.id: Represented(how, cycles.term(term)) for term in parts.viscous}
+def exact_rows(terms: Iterable[ModelTerm], cycles: Cycles, how: str) -> Rows:
+    """Return rows for terms that a target carries exactly."""
+    return {term.id: Represented(how, cycles.term(term)) for term in terms}
+
+
+def exact_table(
+    model: JointModel, term: str, element: str, other: Mapping[str, Represented]
+) -> tuple[Fidelity, ...]:
+    """Return the table of a target that holds terms and elements as they are, by its words for them, but for others."""
+    cycles = Cycles.of(model)
+    elements = {each.id: Represented(element, cycles.element(each)) for each in model.elements}
+    return fidelity_table(model, cycles, {**exact_rows(model.terms, cycles, term), **elements, **other})
 
 
 def inertial_rows(parts: Parts) -> Rows:
@@ -402,13 +410,31 @@ def range_note(model: JointModel, beyond: str) -> str:
     return f"tables cover the tested range, {fitted.angle:.6g} {unit} and {fitted.rate:.6g} {unit}/s; beyond, {beyond}"
 
 
-def sliding_rows(parts: Parts, cycles: Cycles, how: str) -> Rows:
-    """Return rows for Coulomb friction as a stiff spring in series with a slider, which a target calls ``how``."""
-    if not parts.friction > 0:
-        return left_out(parts.coulomb, "friction must not be negative")
-    slider = cycles.slider(np.full(cycles.angle.shape, parts.friction), parts.stuck_stiffness)
+def sliding_limit(parts: Parts, terms: tuple[ModelTerm, ...]) -> tuple[Curve, float]:
+    """Return the moment at which friction slides over the angle, and its stiffness while it sticks; 0: it cannot be."""
+    nodes = parts.elastic_nodes(POINTS) if any(term in parts.coupled for term in terms) else np.zeros(1)
+    # At an infinitely small positive rate the sign is 1 and nothing else remains.
+    limit = total(terms, nodes, 1e-300)
+    return Curve(nodes, limit), float(limit.max() * np.all(limit >= 0)) / (GIVE * parts.model.fitted.angle)
+
+
+def sliding_rows(
+    parts: Parts, terms: tuple[ModelTerm, ...], cycles: Cycles, how: str, where: str = ""
+) -> Rows:
+    """Return rows for friction as a stiff spring in series with a slider, which a target calls ``how``.
+
+    ``where`` it must not be negative: a limit that changes with the angle, anywhere.
+    """
+    limit, stiffness = sliding_limit(parts, terms)
+    if not stiffness:
+        return left_out(terms, f"friction must not be negative{where}")
+    share = {t.id: np.interp(cycles.angle, limit.x, contribution(t, limit.x, 1e-300)) for t in terms}
+    whole = sum(share.values(), np.zeros(cycles.angle.shape))
+    slider = cycles.slider(whole, stiffness)
     how += f"; sticks as a spring that gives way by {GIVE:g} of the tested {words_of(parts.model).angle}"
-    return {term.id: Represented(how, slider * term.coefficient / parts.friction) for term in parts.coulomb}
+    # Each term takes its share of the one slider.
+    safe = np.where(whole > 0, whole, 1.0)
+    return {term: Represented(how, slider * own / safe) for term, own in share.items()}
 
 
 def sliding_note(model: JointModel, stiffness: float, more: str = "") -> tuple[str, ...]:

@@ -20,16 +20,16 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
 from sindyjoint.export.elements import BoucWen, Gap, Kind, Maxwell, Slider, written_as
 from sindyjoint.export.fidelity import (
     Cycles,
     Represented,
-    Rows,
     comment,
     elastic_curve,
     elastic_rows,
+    exact_rows,
     fidelity_table,
     filled_in,
     inertia_note,
@@ -40,12 +40,12 @@ from sindyjoint.export.fidelity import (
     range_note,
     rate_curve,
     rate_rows,
+    sliding_limit,
     sliding_note,
     sliding_rows,
-    viscous_rows,
     words_of,
 )
-from sindyjoint.export.parts import GIVE, POINTS, RARE, Curve, Parts, contribution, power_law, total
+from sindyjoint.export.parts import GIVE, POINTS, RARE, Curve, Parts, power_law, total
 
 ABAQUS_WAYS = {
     Maxwell: "connector elasticity in series with damping",
@@ -58,8 +58,10 @@ def export_abaqus(model: JointModel) -> Export:
     parts, cycles, words = Parts.of(model), Cycles.of(model), words_of(model)
     # Friction by position slides as Coulomb friction does.
     by_position = tuple(t for t in parts.coupled if (power_law(t.expression) or (0, 0, ""))[2] == "sign")
-    friction = _Friction(parts, (*parts.coulomb, *by_position))
-    damping = tuple(term for term in parts.other_rate if term not in friction.terms)
+    slipping = (*parts.coulomb, *by_position)
+    # The limit is an internal contact force times a coefficient of one.
+    limit, stiffness = sliding_limit(parts, slipping)
+    damping = tuple(term for term in parts.other_rate if term not in slipping)
     curve = elastic_curve(parts, POINTS)
     rates = rate_curve(parts, damping)
     pair = "connector friction with its stick stiffness"
@@ -70,9 +72,9 @@ def export_abaqus(model: JointModel) -> Export:
         {
             **rows_of_elements,
             **elastic_rows(parts, cycles, curve.x, f"connector elasticity, table of {POINTS} points"),
-            **viscous_rows(parts, cycles, "connector damping, linear"),
+            **exact_rows(parts.viscous, cycles, "connector damping, linear"),
             **rate_rows(parts, damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
-            **friction.rows(cycles),
+            **sliding_rows(parts, slipping, cycles, "connector friction", " anywhere in the tested range"),
             **left_out(
                 tuple(t for t in parts.coupled if t not in by_position),
                 f"a connector has no {words.moment} that depends on "
@@ -88,7 +90,7 @@ def export_abaqus(model: JointModel) -> Export:
     notes = (
         "replace the two node numbers and the orientation; the connector's local 1-axis is the joint's axis",
         range_note(model, "elasticity and damping go on with the last slope"),
-        *sliding_note(model, friction.stiffness, raised),
+        *sliding_note(model, stiffness, raised),
         *((between,) if last >= RARE else ()),
         *inertia_note(model),
     )
@@ -103,44 +105,13 @@ def export_abaqus(model: JointModel) -> Export:
         curve=curve if parts.elastic else None,
         damping=parts.damping if parts.viscous else None,
         rates=rates if damping else None,
-        friction=(friction.stiffness, friction.limits) if friction.stiffness else None,
+        friction=(stiffness, limit.points) if stiffness else None,
         sliders=[kind for _, kind in added if isinstance(kind, Slider)],
         chains=[kind for _, kind in added if not isinstance(kind, Slider)],
         stick=GIVE * model.fitted.angle,
     )
     text = comment(preamble(model, "Abaqus", rows, notes), "**") + lines
     return Export("abaqus", {"joint.inp": text}, rows, notes)
-
-
-class _Friction:
-    """Friction whose limit is a function of the position: internal contact force times a coefficient of one."""
-
-    def __init__(self, parts: Parts, terms: tuple[ModelTerm, ...]):
-        self.parts, self.terms = parts, terms
-        self.nodes = parts.elastic_nodes(POINTS) if any(t in parts.coupled for t in terms) else np.zeros(1)
-        # At an infinitely small positive rate the sign is 1 and nothing else remains.
-        self.limit = total(terms, self.nodes, 1e-300)
-        possible = bool(terms) and bool(np.all(self.limit >= 0))
-        self.stiffness = float(self.limit.max()) / (GIVE * parts.model.fitted.angle) if possible else 0.0
-
-    def rows(self, cycles: Cycles) -> Rows:
-        if not self.stiffness:
-            return left_out(self.terms, "friction must not be negative anywhere in the tested range")
-        share = {
-            t.id: np.interp(cycles.angle, self.nodes, contribution(t, self.nodes, 1e-300)) for t in self.terms
-        }
-        whole = sum(share.values(), np.zeros(cycles.angle.shape))
-        slider = cycles.slider(whole, self.stiffness)
-        # Each term takes its share of the one slider.
-        safe = np.where(whole > 0, whole, 1.0)
-        angle = words_of(self.parts.model).angle
-        how = f"connector friction; sticks as a spring that gives way by {GIVE:g} of the tested {angle}"
-        return {term: Represented(how, slider * own / safe) for term, own in share.items()}
-
-    @property
-    def limits(self) -> list[tuple[float, float]]:
-        """Positions and limits."""
-        return list(zip(self.nodes.tolist(), self.limit.tolist(), strict=True))
 
 
 # The notes say to change these numbers where they are taken.
@@ -170,7 +141,7 @@ def export_nastran(model: JointModel) -> Export:
     carried = {
         **rows_of_elements,
         **elastic_rows(parts, cycles, curve.x, spring),
-        **viscous_rows(parts, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
+        **exact_rows(parts.viscous, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
         **rate_rows(parts, tabulated, cycles, rates.x, damper),
         **left_out(
             parts.coupled,
@@ -285,8 +256,8 @@ def export_opensees(model: JointModel) -> Export:
         cycles,
         {
             **elastic_rows(parts, cycles, curve.x, f"ElasticMultiLinear, table of {curve.x.size} points"),
-            **viscous_rows(parts, cycles, "Elastic, eta"),
-            **sliding_rows(parts, cycles, "ElasticPP"),
+            **exact_rows(parts.viscous, cycles, "Elastic, eta"),
+            **sliding_rows(parts, parts.coulomb, cycles, "ElasticPP"),
             **{t.id: Represented("Viscous", cycles.term(t)) for t in parts.other_rate if t.id in powers},
             **left_out(
                 tuple(t for t in (*parts.other_rate, *parts.coupled) if t.id not in powers),

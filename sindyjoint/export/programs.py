@@ -10,6 +10,7 @@ import os
 import sys
 import tempfile
 from dataclasses import replace
+from functools import partialmethod, reduce
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,12 @@ from sindyjoint.errors import MissingExtraError
 from sindyjoint.export import Export
 from sindyjoint.export.code import (
     DIRECTION,
+    InFull,
     PythonPrinter,
     bounds,
     code,
     code_notes,
-    exact_rows,
+    formula_rows,
     identifiers,
     input_line,
     law_of,
@@ -42,6 +44,7 @@ from sindyjoint.export.fidelity import (
     comment,
     elastic_curve,
     elastic_rows,
+    exact_rows,
     fidelity_lines,
     fidelity_table,
     filled_in,
@@ -49,12 +52,10 @@ from sindyjoint.export.fidelity import (
     inertial_rows,
     left_out,
     not_carried,
-    number,
     preamble,
     range_note,
     rate_curve,
     rate_rows,
-    viscous_rows,
     words_of,
 )
 from sindyjoint.export.parts import POINTS, RAMP, Curve, Parts
@@ -62,7 +63,7 @@ from sindyjoint.export.parts import POINTS, RAMP, Curve, Parts
 
 def export_python(model: JointModel) -> Export:
     """Write ``joint.py``."""
-    rows = exact_rows(model, "Python expression")
+    rows = formula_rows(model, "Python expression")
     return Export("python", {"joint.py": _source(model, rows, "Python")}, rows, code_notes(model))
 
 
@@ -94,7 +95,7 @@ def export_fmu(model: JointModel) -> Export:
     MissingExtraError
         When pythonfmu is not installed.
     """
-    rows = exact_rows(model, "Python expression inside the unit")
+    rows = formula_rows(model, "Python expression inside the unit")
     notes = [
         "input: moment, held over each communication step; outputs: angle, rate, stuck, transfer_moment; parameters: "
         "inertia, initial_angle, initial_rate",
@@ -218,7 +219,7 @@ def export_simscape(model: JointModel) -> Export:
 def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) -> Rows:
     rows: Rows = {}
     if parts.damping >= 0:
-        rows |= viscous_rows(parts, cycles, f"{kind} Friction, viscous coefficient")
+        rows |= exact_rows(parts.viscous, cycles, f"{kind} Friction, viscous coefficient")
     else:
         rows |= left_out(parts.viscous, "the block's viscous coefficient must not be negative")
     if parts.friction < 0:
@@ -244,24 +245,18 @@ def _script(model: JointModel, parts: Parts, curve: Curve, rates: Curve | None, 
     )  # fmt: skip
 
 
-class SimscapePrinter(StrPrinter):
+class SimscapePrinter(InFull, StrPrinter):
     """Formulas in the language of Simscape: powers by ^, max and min of two."""
-
-    def _print_Float(self, expr: Any) -> str:
-        return number(float(expr))
 
     def _print_Abs(self, expr: Any) -> str:
         return f"abs({self._print(expr.args[0])})"
 
-    def _two(self, name: str, args: Any) -> str:
-        first, *rest = args
-        return f"{name}({self._print(first)}, {self._two(name, rest)})" if rest else self._print(first)
+    def _nested(self, name: str, expr: Any) -> str:
+        printed = map(self._print, reversed(expr.args))
+        return reduce(lambda others, first: f"{name}({first}, {others})", printed)
 
-    def _print_Max(self, expr: Any) -> str:
-        return self._two("max", expr.args)
-
-    def _print_Min(self, expr: Any) -> str:
-        return self._two("min", expr.args)
+    _print_Max = partialmethod(_nested, "max")
+    _print_Min = partialmethod(_nested, "min")
 
     def _print_Heaviside(self, expr: Any) -> str:
         return f"(1 + sign({self._print(expr.args[0])}))/2"

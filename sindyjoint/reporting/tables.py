@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 import numpy as np
 
 from sindyjoint.soundness import Finding
+from sindyjoint.text import in_columns
 
 if TYPE_CHECKING:
     import rich.console
@@ -148,12 +149,8 @@ def milliseconds(value: float | None) -> str:
 
 
 def aligned(table: TextTable) -> Iterator[str]:
-    """Yield headings and rows with columns under each other: the first to the left, others to the right."""
-    rows = (table.columns, *table.rows)
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    for row in rows:
-        cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-        yield "  ".join([row[0].ljust(widths[0]), *cells])
+    """Return headings and rows as lines with columns under each other: the first to the left, others to the right."""
+    return in_columns((table.columns, *table.rows), str.rjust)
 
 
 def json_text(record: Any) -> str:
