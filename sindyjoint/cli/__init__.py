@@ -173,7 +173,8 @@ def _run(arguments: list[str]) -> int:
             raise SystemExit(2) from None
         # Typer hands on what a validation library says.
         said = error.format_message().replace("Value error, ", "")  # type: ignore[attr-defined]
-        status = _complain(f"{said} (see 'sindyjoint{_command(error)} --help')")
+        typed = getattr(getattr(error, "ctx", None), "command_path", "sindyjoint")
+        status = _complain(f"{said} (see '{typed} --help')")
     except click_error as error:
         status = _complain(error.format_message())  # type: ignore[attr-defined]
     except SindyJointError as error:
@@ -213,9 +214,3 @@ def _complain(message: str, status: int = 2) -> int:
     with suppress(OSError, ValueError):
         print("sindyjoint: " + printable(" ".join(message.split())), file=sys.stderr)
     return status
-
-
-def _command(error: object) -> str:
-    context = getattr(error, "ctx", None)
-    path = context.command_path if context is not None else ""
-    return path.removeprefix("sindyjoint")

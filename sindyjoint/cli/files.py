@@ -167,6 +167,7 @@ def export(
     """
     from sindyjoint.export import export_model, read_model, write_export
     from sindyjoint.export.documents import BATCH_FILE, batch_samples
+    from sindyjoint.export.fidelity import fidelity_lines
 
     options: dict[str, Any] = {} if rig is None else {"rig": rig}
     drawing = given(count=count, random_state=random_state)
@@ -193,7 +194,9 @@ def export(
             return
         for path in paths:
             typer.echo(f"wrote {path}", err=True)
-    _print_fidelity(result)
+    missing = [f"not carried: {text}" for text in result.not_carried]
+    for line in [*fidelity_lines(result.fidelity), *missing]:
+        typer.echo(line, err=True)
 
 
 def _only_text(result: Export) -> str:
@@ -207,15 +210,6 @@ def _only_text(result: Export) -> str:
     names = ", ".join(result.files) if len(others) < 5 else f"{next(iter(result.files))}, ..."
     hold = ", or hold the law's inputs with --at" if TABLE in result.files else ""
     raise InputError(f"{result.target} is {what} ({names}); say with --out where it goes{hold}")
-
-
-def _print_fidelity(result: Export) -> None:
-    """Print on stderr how each term is represented, and what is not."""
-    from sindyjoint.export.fidelity import fidelity_lines
-
-    missing = [f"not carried: {text}" for text in result.not_carried]
-    for line in [*fidelity_lines(result.fidelity), *missing]:
-        typer.echo(line, err=True)
 
 
 WIDTH: float = default_of("reporting.registry:draw", "width")

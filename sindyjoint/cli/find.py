@@ -186,7 +186,7 @@ def discover(
     """
     if nuisance:
         _require_refine(refine, "--nuisance")
-    search = {**given(library=library), **finding.arguments(), "rng": random_state}
+    search = {**given(library=library, accept=accept), **finding.arguments(), "rng": random_state}
     from sindyjoint.mechanics.rig_file import is_rig_test
 
     if campaign is not None and is_rig_test(campaign):
@@ -197,19 +197,18 @@ def discover(
             output,
             progress,
             random_state,
-            {**search, "refine": refine, "accept": tuple(accept or ())},
+            {**search, "refine": refine},
         )
         raise typer.Exit(0 if found else 1)
 
     kinds: Any = tuple(dict.fromkeys(kind.value for kind in nuisance or ()))
-    accepted = tuple(accept or ())
     if model is not None:
         _require_refine(refine, "--model")
         refuse_other_options(
             context, OF_A_REFINEMENT, "belongs to a search for terms; with --model none are sought"
         )
         options = {
-            "nuisance": kinds, "accept": accepted, "align": finding.align, "rng": random_state,
+            "nuisance": kinds, **given(accept=accept), "align": finding.align, "rng": random_state,
         }  # fmt: skip
         answer(
             call("workflows.verify:refine", model, campaign, progress=progress.say, **options),
@@ -218,7 +217,7 @@ def discover(
         )  # fmt: skip
         return
 
-    options = {**search, **work.arguments(), "accept": accepted, "correct": correct, "paper": paper}
+    options = {**search, **work.arguments(), "correct": correct, "paper": paper}
     find = partial(_find_terms, campaign, progress, options, kinds if refine else None)
     answer(find, out, output, progress, subject=campaign, good=lambda result: result.found)
 
@@ -327,10 +326,7 @@ def diagnose(
             campaign,
             model,
             base,
-            accept=tuple(accept or ()),
             align=align,
-            library=tuple(library or ()),
-            hold_out=tuple(hold_out or ()),
             advise=advise,
             before_advice=lambda result: write(
                 result,
@@ -344,7 +340,7 @@ def diagnose(
             rng=random_state,
             progress=progress.say,
             **work.arguments(),
-            **given(max_effects=max_effects),
+            **given(max_effects=max_effects, accept=accept, library=library, hold_out=hold_out),
         )
 
     answer(find, out, output, progress, random_state, (), campaign, model, lambda result: result.settled)
@@ -369,8 +365,8 @@ def _diagnosed(
         raise InputError(
             f"--{elsewhere[0]} is for campaigns; {campaign} is a rig, whose candidates are tried on threads"
         )
-    accept = options.pop("accept")
-    held_out, of_rig = recorded and options.pop("hold_out"), f"is for campaigns; {campaign} is a rig"
+    accept = given(accept=options.pop("accept", None))
+    held_out, of_rig = recorded and options.pop("hold_out", ()), f"is for campaigns; {campaign} is a rig"
     refuse(
         [
             (
@@ -387,7 +383,7 @@ def _diagnosed(
         from sindyjoint.workflows.diagnose import diagnose_rig
 
         return diagnose_rig(
-            campaign, None if model is None else models_of(campaign, model), accept=accept, **options
+            campaign, None if model is None else models_of(campaign, model), **accept, **options
         )
     from sindyjoint.workflows.diagnose import diagnose_structure as of_structure
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sindyjoint.errors import InputError, OutputError
-from sindyjoint.text import in_words_of
+from sindyjoint.text import in_columns, in_words_of
 
 if TYPE_CHECKING:
     from sindyjoint.equation.catalogue import Parameter, Term
@@ -198,8 +198,10 @@ def _print(as_json: bool, record: Any, pretty: Rows, plain: Rows) -> None:
     """Print a record, or a table as a terminal or another program takes it."""
     if as_json:
         typer.echo(json.dumps(record, indent=2))
+    elif sys.stdout.isatty():
+        _print_pretty(*pretty)
     else:
-        _print_pretty(*pretty) if sys.stdout.isatty() else _print_plain(*plain)
+        typer.echo("\n".join(in_columns([plain[0], *plain[1]])))
 
 
 def _print_pretty(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -224,11 +226,3 @@ def _print_pretty(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None
     for row in rows:
         table.add_row(*row)
     console.print(table)
-
-
-def _print_plain(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print aligned columns without rules or colours."""
-    lines = [tuple(columns), *rows]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(columns))]
-    for line in lines:
-        typer.echo("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())

@@ -1,6 +1,6 @@
 """Commands whose options are quantities with units: ``plan`` and ``curves``."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -115,21 +115,21 @@ def plan(
         ranges=_ranges(ranges or []),
         drive=drive,
         limits=_quantities(limits or [], (*READ, "rate"), "--limit"),
-        goal=None if goal is None else _goal(goal),
+        goal=read_by(_goal, goal),
         resolution=_quantities(resolution or [], READ, "--resolution"),
         effects=tuple(name.strip() for name in effects.split(",")) if effects else (),
         diagnosis=diagnosis,
         terms=tuple(terms or ()),
-        until=None if until is None else _share(until, "--until"),
+        until=read_by(_share, until, "--until"),
         rng=random_state,
         progress=progress.say,
         **given(
             waveforms=tuple(waveforms) if waveforms else None,
-            share=None if share is None else _share(share, "--share"),
-            band=None if band is None else span(band, "Hz", "--band"),
-            sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
-            time=None if time is None else parse_quantity(time, "s", "--time"),
-            run_time=None if run_time is None else parse_quantity(run_time, "s", "--run-time"),
+            share=read_by(_share, share, "--share"),
+            band=read_by(span, band, "Hz", "--band"),
+            sample_rate=read_by(parse_quantity, rate, "Hz", "--rate"),
+            time=read_by(parse_quantity, time, "s", "--time"),
+            run_time=read_by(parse_quantity, run_time, "s", "--run-time"),
         ),
         **_noise(noise or []),
     )
@@ -138,6 +138,11 @@ def plan(
         # No results of another kind go into the folder of a plan.
         PLACES.set(replace(places, results="plan"))
     answer(find, out, output, progress, random_state, [diagnosis or ""], campaign, model)
+
+
+def read_by(parse: Callable[..., Any], text: str | None, *more: str) -> Any:
+    """Return what a parser of options makes of a text, and nothing of what is not given."""
+    return None if text is None else parse(text, *more)
 
 
 def _share(text: str, where: str) -> float:
@@ -284,8 +289,8 @@ def curves(
         progress=progress.say,
         **given(
             harmonics=harmonics,
-            amplitudes=None if amplitudes is None else _sizes(amplitudes),
-            band=None if band is None else span(band, "Hz", "--band"),
+            amplitudes=read_by(_sizes, amplitudes),
+            band=read_by(span, band, "Hz", "--band"),
         ),
     )
     # What next steps are written with: a model by itself, or a rig and perhaps a model for its joints.

@@ -60,7 +60,7 @@ def check(
 
     Example: sindyjoint check --out soundness
     """
-    find = call("workflows.check:check", campaign, tuple(accept or ()), progress=progress.say)
+    find = call("workflows.check:check", campaign, **given(accept=accept), progress=progress.say)
     answer(find, out, output, progress, subject=campaign, good=lambda result: not result.stopping)
 
 
@@ -121,8 +121,8 @@ def compare(
         from sindyjoint.files.campaign import LONGEST
 
         return call(
-            COMPARE, read(campaign, LONGEST), **given(library=library, methods=method), model=model, align=align,
-            accept=tuple(accept or ()), replicates=replicates, margin=margin, rng=random_state, progress=progress.say,
+            COMPARE, read(campaign, LONGEST), **given(library=library, methods=method, accept=accept), model=model,
+            align=align, replicates=replicates, margin=margin, rng=random_state, progress=progress.say,
             **work.arguments(),
         )()  # fmt: skip
 
@@ -173,7 +173,7 @@ def changed(
     Example: sindyjoint changed before after --margin 0.05
     """
     find = call(
-        CHANGED, before, after, margin=margin, same_sensors=same_sensors, accept=tuple(accept or ()),
+        CHANGED, before, after, margin=margin, same_sensors=same_sensors, **given(accept=accept),
         rng=random_state, progress=progress.say,
     )  # fmt: skip
     answer(find, out, output, progress, random_state, (before, after), good=lambda result: not result.changed)
@@ -246,7 +246,7 @@ def verify(
     Example: sindyjoint verify results/model.json pulse-rig
     """
     find = call(
-        VERIFY, model, against, accept=tuple(accept or ()), align=align, tolerance=tolerance, draws=draws,
+        VERIFY, model, against, **given(accept=accept), align=align, tolerance=tolerance, draws=draws,
         window=window, free_run=free_run, noise=noise, presliding=presliding, loss_factor=loss_factor,
         rng=random_state, progress=progress.say,
     )  # fmt: skip
