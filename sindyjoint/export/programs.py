@@ -217,19 +217,15 @@ def export_simscape(model: JointModel) -> Export:
 
 
 def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) -> Rows:
-    rows: Rows = {}
-    if parts.damping >= 0:
-        rows |= exact_rows(parts.viscous, cycles, f"{kind} Friction, viscous coefficient")
-    else:
-        rows |= left_out(parts.viscous, "the block's viscous coefficient must not be negative")
+    how = f"{kind} Friction, Coulomb and breakaway friction; creeps instead of sticking"
+    smooth = np.tanh(cycles.rate / threshold)
+    viscous = exact_rows(parts.viscous, cycles, f"{kind} Friction, viscous coefficient")
+    coulomb = {term.id: Represented(how, term.coefficient * smooth) for term in parts.coulomb}
+    if parts.damping < 0:
+        viscous = left_out(parts.viscous, "the block's viscous coefficient must not be negative")
     if parts.friction < 0:
-        return rows | left_out(parts.coulomb, "the block's friction must not be negative")
-    for term in parts.coulomb:
-        smooth = term.coefficient * np.tanh(cycles.rate / threshold)
-        rows[term.id] = Represented(
-            f"{kind} Friction, Coulomb and breakaway friction; creeps instead of sticking", smooth
-        )
-    return rows
+        coulomb = left_out(parts.coulomb, "the block's friction must not be negative")
+    return viscous | coulomb
 
 
 def _script(model: JointModel, parts: Parts, curve: Curve, rates: Curve | None, threshold: float) -> str:
