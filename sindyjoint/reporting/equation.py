@@ -1,14 +1,14 @@
 """The terms of an equation as tables, its symbols and numbers as text."""
 
 import math
-from dataclasses import dataclass
+from collections import namedtuple
 from html import escape
 from itertools import zip_longest
 
 from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.tables import DASH, TextTable, csv_text, shown
+from sindyjoint.reporting.tables import DASH, TextTable, csv_text, shown, tabulate
 from sindyjoint.text import in_words_of, quantities, rounded, spelled, superscript
 
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
@@ -37,103 +37,52 @@ def split_symbol(symbol: str) -> tuple[str, str]:
     return GREEK.get(head, head), GREEK.get(tail, tail)
 
 
-TERM_COLUMNS = (
-    "id",
-    "symbol",
-    "name",
-    "formula",
-    "coefficient",
-    "standard_error",
-    "interval95_low",
-    "interval95_high",
-    "unit",
-    "unique_share",
+#: A term, or a number of an element: what ``terms.csv`` says of it, and its formula in plain text, ``θ²``.
+TermRow = namedtuple(
+    "TermRow",
+    "id symbol name formula coefficient standard_error interval95_low interval95_high unit unique_share written",
 )
-
-
-@dataclass(frozen=True)
-class TermRow:
-    """A term, or a number of an element, as people read it.
-
-    Parameters
-    ----------
-    id, symbol, name : str
-    written, formula : str
-        As in a catalogue, and in plain text: ``θ²``.
-    si : str
-        Unit, as in a catalogue.
-    coefficient, standard_error : float
-    interval95 : tuple of float
-    share : float
-        Moment that no other term can take over, of the RMS moment; NaN of the number of an element.
-    """
-
-    id: str
-    symbol: str
-    name: str
-    written: str
-    formula: str
-    si: str
-    coefficient: float
-    standard_error: float
-    interval95: tuple[float, float]
-    share: float = float("nan")
-
-    @property
-    def unit(self) -> str:
-        """Unit in plain text: ``N·m/rad²``."""
-        return pretty_unit(self.si)
-
-    @property
-    def value(self) -> str:
-        """Coefficient and uncertainty, rounded: ``5910 ± 40``."""
-        return superscripted(rounded(self.coefficient, self.standard_error))
-
-    @property
-    def interval(self) -> str:
-        """95 % interval, each end to the place that the uncertainty allows."""
-        return interval_text(*self.interval95, self.standard_error)
+TERM_COLUMNS = TermRow._fields[:-1]
 
 
 def term_rows(model: JointModel) -> list[TermRow]:
-    """Return the terms of a model as rows to read, then the numbers of its elements."""
+    """Return the terms of a model, then the numbers of its elements, which have no share; SI."""
     motion = model.joint.motion
     rows = [
         TermRow(
-            t.id, t.symbol, in_words_of(motion, t.name), t.formula, formula_pretty(t.expression, motion), t.unit,
-            t.coefficient, t.standard_error, t.interval95, t.unique_share,
+            t.id, t.symbol, in_words_of(motion, t.name), t.formula, t.coefficient, t.standard_error, *t.interval95,
+            t.unit, t.unique_share, formula_pretty(t.expression, motion),
         )
         for t in model.terms
     ]  # fmt: skip
     for element in model.elements:
         name = in_words_of(motion, element.name)
         for n, column in zip_longest(element.numbers, element.form.columns):
-            formula = formula_pretty(column.expression, motion) if column else ""
-            said = f"{element.id}.{n.name}", n.name, name, n.formula, formula, n.unit
-            rows.append(TermRow(*said, n.value, n.standard_error, n.interval95))
+            low, high = n.interval95
+            written = formula_pretty(column.expression, motion) if column else ""
+            said = f"{element.id}.{n.name}", n.name, name, n.formula, n.value, n.standard_error, low, high
+            rows.append(TermRow(*said, n.unit, math.nan, written))
     return rows
 
 
 def model_table(model: JointModel) -> TextTable:
     """Return the terms of a model: on a page all columns, on a terminal some of them."""
     what = quantities(model.joint.motion).moment.lower()
-    return TextTable(
+    return tabulate(
         "terms",
         f"Coefficients with one standard error; unique share: the share of the RMS {what} that no other term could "
         "take over.",
-        ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval", "Unique share"),
-        tuple(
-            (
-                r.name,
-                r.symbol,
-                r.formula or DASH,
-                r.value,
-                pretty_unit(r.unit),
-                r.interval,
-                shown("{:.1f} %", 100 * r.share),
-            )
-            for r in term_rows(model)
-        ),
+        term_rows(model),
+        {
+            "Term": lambda r: r.name,
+            "Symbol": lambda r: r.symbol,
+            "Of": lambda r: r.written or DASH,
+            "Value": lambda r: superscripted(rounded(r.coefficient, r.standard_error)),
+            "Unit": lambda r: pretty_unit(r.unit),
+            # Each end to the place that the uncertainty allows.
+            "95 % interval": lambda r: interval_text(r.interval95_low, r.interval95_high, r.standard_error),
+            "Unique share": lambda r: shown("{:.1f} %", 100 * r.unique_share),
+        },
         text=("Unit",),
     )
 
@@ -202,8 +151,4 @@ def _power(power: str) -> str:
 
 def terms_csv(model: JointModel) -> str:
     """Return the terms as CSV text, numbers in full, SI."""
-    rows = [
-        (r.id, r.symbol, r.name, r.written, r.coefficient, r.standard_error, *r.interval95, r.si, r.share)
-        for r in term_rows(model)
-    ]
-    return csv_text(TERM_COLUMNS, rows)
+    return csv_text(TERM_COLUMNS, [row[:-1] for row in term_rows(model)])

@@ -231,22 +231,17 @@ def verdict_words(law: JointLaw) -> str:
 
 def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
     for law in result.laws:
+        model = None if law.discovery is None else law.discovery.model
         for joint in dict.fromkeys(one.joint for one in law.recovered):
-            own = [one for one in law.recovered if one.joint == joint]
-            state = max(own, key=lambda one: float(np.ptp(one.states.angle))).states
+            states = (one.states for one in law.recovered if one.joint == joint)
+            state = max(states, key=lambda state: float(np.ptp(state.angle)))
             rows = np.arange(0, int(state.sample_rate / (state.frequency or 1.0)) + 1)
             rows = rows[:: max(1, rows.size // 400)]
-            shown, model = (
-                np.full(rows.size, np.nan),
-                law.discovery.model if law.discovery is not None else None,
-            )
+            # A period ends where it began.
+            rows = np.append(rows, rows[: bool(state.frequency)])
+            shown, moving = np.full(rows.size, np.nan), rows[state.moving[rows]]
             if model is not None and model.terms:
-                moving = state.moving[rows]
-                at = rows[moving]
-                shown[moving] = model.moment(state.angle[at], state.rate[at])
-            if state.frequency:
-                # A period ends where it began.
-                rows, shown = np.append(rows, rows[0]), np.append(shown, shown[0])
+                shown[state.moving[rows]] = model.moment(state.angle[moving], state.rate[moving])
             name = result.test.structure.hinges[joint].name
             run = state.run.removesuffix(f" · {name}")
             yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)
