@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
-from sindyjoint.diagnosis.campaign.change import processing_error, processing_errors
+from sindyjoint.diagnosis.campaign.change import processing_error, replicates, without_processing
 from sindyjoint.diagnosis.effects import load_effects
 from tests.diagnosis.hidden_effects import hide_in_noise
 from tests.diagnosis.test_diagnosis_budget import work_on
@@ -18,7 +18,8 @@ def test_without_noise_the_chain_is_what_is_left(kind):
     work = work_on(hide_in_noise("nothing", kind, 3, noise=1e-4).campaign)
     before = [row.target + row.processing for row in work.rows]
     raw = [replace(row, target=target) for row, target in zip(work.rows, before, strict=True)]
-    again = processing_errors(work.runs, work.states, raw, work.model, ())
+    own = replicates(work.runs, work.states, raw, work.model, ())
+    again = [row.processing for row in without_processing(raw, work.states, own, work.model, ())]
     for row, target, chain in zip(work.rows, before, again, strict=True):
         model = target - row.processing - row.target
         assert np.allclose(model, 0.0)
@@ -37,7 +38,20 @@ def test_a_slider_in_sweeps_is_seen_by_the_simulated_response():
     runs = hidden.campaign.with_runs(hidden.campaign.runs[:2])
     (step,) = diagnose(runs, effects=known, advise=False).steps
     assert step.effect == "jenkins_element"
-    assert step.parameters["theta_y"] == pytest.approx(hidden.parameters[1], rel=0.05)
+    # Two of six runs: the yield is known to some five per cent.
+    assert step.parameters["theta_y"] == pytest.approx(hidden.parameters[1], rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["nothing", "bilinear_stiffness"])
+def test_numbers_hold_the_truth_where_smoothing_rounds_off_each_reversal(name):
+    # Seed 61: with rows just after a reversal as the smoothing leaves them, M_F was five to six of its errors off.
+    hidden = hide_in_noise(name, "sweep", 61)
+    known = [each for each in load_effects() if each.id in ("bilinear_stiffness", "channel_delay")]
+    result = diagnose(hidden.campaign, effects=known, advise=False)
+    assert [step.effect for step in result.steps] == [name] * (name != "nothing")
+    for term in result.model.terms:
+        # Two numbers among ten lie outside two errors by chance alone, none outside four.
+        assert abs(term.coefficient - getattr(hidden.plan.law, term.symbol)) < 4 * term.standard_error
 
 
 @pytest.mark.slow

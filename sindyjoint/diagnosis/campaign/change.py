@@ -215,28 +215,39 @@ def _without_trend(signal: Array, cycles: float) -> Array:
     return signal - late * (basis @ coefficients[basis.shape[1] :])
 
 
-def processing_errors(
+def replicates(
     runs: Sequence[Run],
     states: Sequence[ForceStates],
     rows: Sequence[GapRun],
     model: JointModel,
     effects: Sequence[FittedEffect],
     policy: DiagnosisPolicy = CAMPAIGN,
-) -> list[Array | None]:
-    """Return what the processing leaves of the simulation at the rows of each run, N·m.
-
-    None where a run repeats or is free, where the simulation does not follow it, or where what the model leaves of the
-    measurement is clearly larger without it: the simulation then moves another way at the reversals, or sticks
-    elsewhere.
-    """
-    errors = [
-        None if row.folded or row.half_cycles is not None else _error(run, state, row, model, effects, policy)
+) -> list[ForceStates | None]:
+    """Return the states of the model's own motion in each run; None where it repeats, is free, or goes another way."""
+    return [
+        None if row.folded or row.half_cycles is not None else _replicate(run, state, model, effects, policy)
         for run, state, row in zip(runs, states, rows, strict=True)
     ]
-    return [
-        error if error is None or is_seen(error, row, model, effects) else None
-        for error, row in zip(errors, rows, strict=True)
-    ]
+
+
+def without_processing(
+    rows: Sequence[GapRun],
+    states: Sequence[ForceStates],
+    own: Sequence[ForceStates | None],
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+) -> tuple[GapRun, ...]:
+    """Return the rows less what the processing leaves of the model's own motion, N·m.
+
+    As they are where there is no such motion, or where what the model leaves of the measurement is clearly larger
+    without it: the simulation then moves another way at the reversals, or sticks elsewhere.
+    """
+    later = []
+    for row, state, replicate in zip(rows, states, own, strict=True):
+        error = None if replicate is None else _error(row, state, replicate, model, effects)
+        seen = error is not None and is_seen(error, row, model, effects)
+        later.append(replace(row, target=row.target - error, processing=error) if seen else row)
+    return tuple(later)
 
 
 def is_seen(error: Array, row: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> bool:
@@ -251,30 +262,18 @@ def is_seen(error: Array, row: GapRun, model: JointModel, effects: Sequence[Fitt
     return bool(without_it @ without_it - with_it @ with_it < chance)
 
 
-def without_processing(rows: Sequence[GapRun], errors: Sequence[Array | None]) -> tuple[GapRun, ...]:
-    """Return the rows less what the processing leaves of the simulation."""
-    return tuple(
-        row if part is None else replace(row, target=row.target - part, processing=part)
-        for row, part in zip(rows, errors, strict=True)
-    )
-
-
 def _error(
-    run: Run,
-    states: ForceStates,
     row: GapRun,
+    states: ForceStates,
+    replicate: ForceStates,
     model: JointModel,
     effects: Sequence[FittedEffect],
-    policy: DiagnosisPolicy,
-) -> Array | None:
-    replicate = _replicate(run, states, model, effects, policy)
-    if replicate is None:
-        return None
+) -> Array:
     there = along_replicate(row, states, replicate, model)
     error = there.target - modelled(there, model, effects)
-    # Where the replicate sticks its friction is not determined.
-    places = np.round((row.motion.time[row.motion.keep] - states.time[0]) * states.sample_rate).astype(int)
-    return np.where(replicate.moving[places], error, 0.0)
+    # Where the replicate stands, or moves the other way, its friction is not that of the row.
+    same = there.motion.rate[there.motion.keep] * row.motion.rate[row.motion.keep] > 0
+    return np.where(same, error, 0.0)
 
 
 def _replicate(

@@ -264,6 +264,8 @@ def _found(begun: Begun, most: int, say: Say, rounds: int = 3) -> Found:
     moved = [i for i, each in enumerate(fitted) if each.shifts]
     others = [each for each in fitted if not each.shifts]
     corrected = bool(moved) or any(each.effect.enters != "moment" for each in fitted)
+    # What smoothing takes off the corners is known once the law is.
+    corrected |= any(not run.folded and run.half_cycles is None for run in work.plain)
     if not corrected or rounds == 1 or (best.names == begun.names and not moved):
         return Found(
             work,

@@ -128,6 +128,9 @@ class CampaignProblem(Problem):
         runs, parts, groups = cut_up(whole, states, policy)
         start = first_model(campaign, parts, model, base or BASE, policy, effects)
         work = Work.build(campaign, runs, parts, groups, start.model, start.effects, policy)
+        if any(row.processing is not None for row in work.plain):
+            start = refit(work.plain, start.model, start.effects, drops=False)
+            work = replace(work, model=start.model)
         return cls(
             work=work,
             rows=sum(run.white_size for run in work.plain),

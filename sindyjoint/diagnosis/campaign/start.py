@@ -14,7 +14,7 @@ from sindyjoint.diagnosis.campaign import GapRun
 from sindyjoint.diagnosis.campaign.change import (
     MEMBER,
     changes,
-    processing_errors,
+    replicates,
     segments,
     without_processing,
 )
@@ -80,15 +80,20 @@ class Work:
         """Return the work with the rows that its states, and the model with its effects, make."""
         free = campaign.moves_freely
         rows = gap_runs(states, model, groups, policy, free=free)
-        errors = processing_errors(runs, states, rows, model, effects, policy)
-        plain = without_processing(rows, errors)
-        beyond = model_errors(plain, model, effects)
+        own = replicates(runs, states, rows, model, effects, policy)
+
+        def right(rows: tuple[GapRun, ...]) -> tuple[GapRun, ...]:
+            return without_processing(rows, states, own, model, effects)
+
+        beyond = model_errors(right(rows), model, effects)
+        plain = rows
         if sum(row.target.size for row in plain) > SEARCHED:
             plain = gap_runs(states, model, groups, policy, free=free, most=SEARCHED)
         if any(beyond):
             rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
-        rows = without_processing(rows, errors)
-        rows, plain = (tuple(about_zero(row, model, effects) for row in each) for each in (rows, plain))
+        rows, plain = (
+            tuple(about_zero(row, model, effects) for row in right(each)) for each in (rows, plain)
+        )
         return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, plain, policy)
 
     def again(
