@@ -2,8 +2,9 @@
 
 python benchmarks/versions.py --out benchmarks/results/versions.json tests/cli tests/discovery tests/reporting
 
-A row of the same versions is replaced. The environments: ``.ci/oldest.py`` prints the oldest pins; a Python of the next
-Debian release stands in a bare root (``debootstrap``, with ``/proc`` mounted).
+A row of the same versions is replaced. The environments: ``uv pip install --resolution lowest-direct`` has the oldest
+versions, as in ``.ci/run``; a Python of the next Debian release stands in a bare root (``debootstrap``, with ``/proc``
+mounted).
 """
 
 from __future__ import annotations
