@@ -326,6 +326,9 @@ def _delay_words(delay: ChannelDelay, motion: str) -> str:
     load, path = (name.lower() for name in (quantities(motion).moment, quantities(motion).angle))
     if delay.at_limit:
         return f"the delay between {load} and {path} is not determined within {1e3 * abs(delay.time):.0f} ms"
+    if not delay.significant:
+        size = rounded(1e3 * delay.time, 1e3 * delay.standard_error)
+        return f"no delay seen between {load} and {path}: {size} ms"
     size = rounded(1e3 * abs(delay.time), 1e3 * delay.standard_error)
     return f"the {load} {'lags' if delay.time >= 0 else 'leads'} the {path} by {size} ms"
 
