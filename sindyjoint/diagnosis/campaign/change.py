@@ -245,8 +245,9 @@ def without_processing(
     later = []
     for row, state, replicate in zip(rows, states, own, strict=True):
         error = None if replicate is None else _error(row, state, replicate, model, effects)
-        seen = error is not None and is_seen(error, row, model, effects)
-        later.append(replace(row, target=row.target - error, processing=error) if seen else row)
+        if error is not None and is_seen(error, row, model, effects):
+            row = replace(row, target=row.target - error, processing=error)
+        later.append(row)
     return tuple(later)
 
 
