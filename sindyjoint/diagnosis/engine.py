@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, Generic
 
 import numpy as np
@@ -85,11 +86,10 @@ def advise(
         return (), AdviceSearch(NOT_NEEDED)
     work = problem.policy.advice_work
     search = Portion(work, work / problem.policy.slowest)
-    found, tried, planned = list[Advice](), 0, 0
-    for step in classes:
-        advice, some, of = problem.separating_runs(step, rankings[step.effect], search, say)
-        found, tried, planned = [*found, *advice], tried + some, planned + of
-    return tuple(found), AdviceSearch(STOPPED if search.stopped else COMPLETE, tried, planned, search.stopped)
+    sought = (problem.separating_runs(step, rankings[step.effect], search, say) for step in classes)
+    found, tried, planned = zip(*sought, strict=True)
+    status = STOPPED if search.stopped else COMPLETE
+    return tuple(chain(*found)), AdviceSearch(status, sum(tried), sum(planned), search.stopped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +177,8 @@ def explain_gap(
         without_advice(result)
     say("advice")
     advice, search = advise(last, steps, best.progress.rankings, say)
-    warned = (search.warning, *result.warnings) if search.warning else result.warnings
-    return replace(result, advice=advice, search=search, warnings=warned)
+    warnings = (*filter(None, (search.warning,)), *result.warnings)
+    return replace(result, advice=advice, search=search, warnings=warnings)
 
 
 def _with_last_numbers(

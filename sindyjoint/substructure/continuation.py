@@ -1,7 +1,7 @@
 """Following a curve of solutions by its arc length."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -111,15 +111,14 @@ def follow(
     SimulationError
         Where no solution is found.
     """
-    found, sizes, step = None, np.zeros(0), FIRST
+    sizes, step = np.zeros(1), FIRST
     for start in starts:
-        sizes = np.maximum(sizes, scale(start)) if sizes.size else scale(start)
-        normal = np.zeros(sizes.size)
-        normal[-1] = 1.0
+        sizes = np.maximum(sizes, scale(start))
+        normal = np.eye(1, sizes.size, sizes.size - 1)[0]
         found = solve(system, start, sizes, normal, 3 * ITERATIONS)
         if found is not None:
             break
-    if found is None:
+    else:
         raise SimulationError("harmonic balance finds no solution at the beginning of the curve", time=0.0)
     y, jacobian, _ = found
     sizes = scale(y)
@@ -165,7 +164,7 @@ def refined(
         Whether it is the first.
     """
     while balance.harmonics < MOST_HARMONICS:
-        finer = balance.finer()
+        finer = replace(balance, harmonics=2 * balance.harmonics + 1)
         system, scale = curve(finer)
         start, normal = (finer.padded(each, balance.harmonics) for each in (point.unknowns, point.tangent))
         sizes = scale(start)

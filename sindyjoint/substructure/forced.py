@@ -189,9 +189,12 @@ def frequency_response(
     omega = np.array([p.unknowns[-1] for *_, p in points])
     deflection = np.array([own.deflection(x, p.unknowns[-1]) for own, x, p in points])
     angle = np.array([own.peak_angles(x) for own, x, _ in points]).T
-    errors = np.zeros((len(points), 2))
-    if varied is not None:
-        errors = np.array([_error_across(own, point, varied, force) for own, _, point in points])
+    errors = np.array(
+        [
+            [0.0, 0.0] if varied is None else _error_across(own, point, varied, force)
+            for own, _, point in points
+        ]
+    )
     return ForcedResponse(
         force, omega / (2 * np.pi), np.abs(deflection), np.angle(deflection),
         angle, np.array([p.tangent[-1] > 0 for *_, p in points]),

@@ -115,10 +115,6 @@ class Balance:
         """Number of unknowns."""
         return len(self.laws) * (2 * self.harmonics + 1) + 2
 
-    def finer(self) -> Self:
-        """Return the balance of about twice as many harmonics."""
-        return replace(self, harmonics=2 * self.harmonics + 1)
-
     def padded(self, unknowns: Array, harmonics: int) -> Array:
         """Return unknowns of so many harmonics, and what may follow them, as of this balance: further ones are zero."""
         joints, width = len(self.laws), 2 * harmonics + 1
@@ -259,7 +255,6 @@ def add_joint_moments(
         own = slice(j * width, (j + 1) * width)
         moment = period_moment(law, (to_time @ angle, omega * (to_rate @ angle)), by, 2 * np.pi / omega)
         out[own] += to_coefficients @ moment.middle
-        jacobian[own, own] += to_coefficients @ moment.d_middle if slopes else 0.0
         if moment.friction.min() < 0:
             raise InputError(
                 "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
@@ -270,6 +265,7 @@ def add_joint_moments(
         out[own] += onto @ mean
         if not slopes:
             continue
+        jacobian[own, own] += to_coefficients @ moment.d_middle
         weights = onto * by_ends[0] + np.roll(onto * by_ends[1], 1, axis=1)
         jacobian[own] -= (weights @ to_time) @ jacobian[own]
         jacobian[own, own] += hold[j] * (weights @ (to_rate + CENTRING * to_time))

@@ -118,7 +118,7 @@ class LawErrors:
         """Return by how much the coefficients change where the same runs are recovered otherwise, shape (k,)."""
         total = np.zeros(self.size)
         for source, slope, other in zip(self.sources, self.slopes, others, strict=True):
-            difference = (other.values - source.recovery.values)[_rows(source.recovery, source.joint)]
+            difference = (other.values - source.recovery.values)[source.recovery.rows(source.joint)]
             total += np.tensordot(slope[: self.size], difference.T, 2).real
         return total
 
@@ -132,7 +132,7 @@ def _covariance(sources: Sequence[Recovered], slopes: Sequence[Complex]) -> Arra
         gathered = np.zeros((k, recovery.values.shape[1], 2 * joints), dtype=complex)
         for source, slope in zip(sources, slopes, strict=True):
             if source.recovery is recovery:
-                gathered[:, :, _rows(recovery, source.joint)] += slope
+                gathered[:, :, recovery.rows(source.joint)] += slope
         spread = (gathered.swapaxes(0, 1) @ recovery.covariance).swapaxes(0, 1)
         total += np.tensordot(spread, gathered.conj(), ((1, 2), (1, 2))).real
         by_ends = np.tensordot(gathered, recovery.of_ends, ((1, 2), (0, 1))).real
@@ -144,7 +144,9 @@ def law_excess(rows: LawRows, sources: Sequence[Recovered]) -> float:
     """Return the mean square of what is left of the rows of a law, of what noise makes of it."""
     inverse, left, expected = _inverse(rows), 0.0, 0.0
     starts = np.cumsum([0, *(kept.size for kept in rows.kept)])
-    for index, (own, weight) in enumerate(zip(_row_errors(rows, sources), rows.weights, strict=True)):
+    for index, (own, weight) in enumerate(
+        zip(map(_RowErrors, sources, rows.kept, rows.slopes), rows.weights, strict=True)
+    ):
         # Of what errors of the ends do to the rows, coefficients and slow angles follow the most.
         ends = np.sqrt(weight) * own.of_ends
         shared = rows.columns[starts[index] : starts[index + 1]].T @ ends
@@ -168,7 +170,7 @@ def law_errors(
     sources: Sequence[Recovered],
     slow: Sequence[Slow],
     others: Sequence[Array] | None = None,
-    likely: NDArray[np.bool_] | None = None,
+    likely: NDArray[np.bool_] | bool = False,
 ) -> LawErrors:
     """Return how the coefficients of a law follow errors of the recovered amplitudes.
 
@@ -182,8 +184,8 @@ def law_errors(
         Of each run.
     others : sequence of ndarray, each of shape (n, m), optional
         Columns of terms beyond the law at the rows of each run.
-    likely : ndarray of bool, shape (m,), optional
-        Which of these may be there though nothing shows it. Default: none.
+    likely : bool or ndarray of bool, shape (m,)
+        Which of these may be there though nothing shows it.
     """
     k = rows.coefficients.size
     others = [np.zeros((kept.size, 0)) for kept in rows.kept] if others is None else others
@@ -197,7 +199,9 @@ def law_errors(
     starts = np.cumsum([0, *(kept.size for kept in rows.kept)])
     unknowns = k + np.cumsum([0, *(values.size for values in rows.unknowns)])
     slopes, of_others = [], []
-    for index, (errors, weight) in enumerate(zip(_row_errors(rows, sources), rows.weights, strict=True)):
+    for index, (errors, weight) in enumerate(
+        zip(map(_RowErrors, sources, rows.kept, rows.slopes), rows.weights, strict=True)
+    ):
         own = slice(starts[index], starts[index + 1])
         of_rows = np.vstack([inverse @ rows.columns[own].T, (apart[own] / unique).T]) * np.sqrt(weight)
         slope = errors.through(of_rows)
@@ -234,16 +238,8 @@ def law_errors(
     return LawErrors(
         k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, excess, ratios, would_leave,
         spread * alone / np.linalg.norm(moment), followed[:k] * would_be,
-        np.zeros(ratios.size, dtype=np.bool_) if likely is None else likely,
+        np.broadcast_to(likely, ratios.shape),
     )  # fmt: skip
-
-
-def _row_errors(rows: LawRows, sources: Sequence[Recovered]) -> "list[_RowErrors]":
-    return [_RowErrors(*each) for each in zip(sources, rows.kept, rows.slopes, strict=True)]
-
-
-def _rows(recovery: Recovery, joint: int) -> list[int]:
-    return [joint, recovery.transfer.angles.shape[1] + joint]
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,7 +299,7 @@ class _RowErrors:
     @property
     def expected(self) -> float:
         """The sum of squares of the rows that the noise makes; the moment is that of single blocks."""
-        pair = _rows(self.source.recovery, self.source.joint)
+        pair = self.source.recovery.rows(self.source.joint)
         covariance = self.source.recovery.covariance[self.kept][:, pair][:, :, pair]
         stiff, damped = self.slopes
         of_angle = self.seen * (stiff @ stiff + np.abs(self.rated) ** 2 * (damped @ damped))
@@ -315,7 +311,7 @@ class _RowErrors:
     @property
     def of_ends(self) -> Array:
         """What errors of the ends of a record do to the rows, shape (n, errors)."""
-        added = self.source.recovery.of_ends[:, _rows(self.source.recovery, self.source.joint)][self.kept]
+        added = self.source.recovery.of_ends[:, self.source.recovery.rows(self.source.joint)][self.kept]
         of_angle = self.seen[:, None] * added[:, 0]
         parts = self._series(np.hstack([of_angle, self.rated[:, None] * of_angle, added[:, 1]]))
         angle, rate, moment = np.hsplit(parts, 3)

@@ -148,9 +148,7 @@ def mode_over_amplitude(
         np.array([p.unknowns[place] for *_, p in points]) for place in (-3, -2, -1)
     )
     angle = np.array([own.peak_angles(x) for own, x, _ in points]).T
-    errors = np.zeros((len(points), 2))
-    if varied is not None:
-        errors = np.array([_errors(own, x, p, varied) for own, x, p in points])
+    errors = np.array([[0.0, 0.0] if varied is None else _errors(own, x, p, varied) for own, x, p in points])
     return ModeCurve(
         number, point, np.exp(log_amplitude), omega / (2 * np.pi), growth / (2 * omega), angle,
         errors[:, 0], errors[:, 1], np.array([_force(own, x, p) for own, x, p in points]), slips,

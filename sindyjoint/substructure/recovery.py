@@ -66,6 +66,10 @@ class Recovery:
     degrees: int
     ends: Ends | None = None
 
+    def rows(self, joint: int) -> list[int]:
+        """Return the rows of a joint's angle and of its moment among what was recovered."""
+        return [joint, self.transfer.angles.shape[1] + joint]
+
     @property
     def freed(self) -> Spectra:
         """The spectra without what the ends add."""

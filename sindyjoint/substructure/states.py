@@ -55,19 +55,15 @@ def strongest_line(size: Array, standard_error: Array) -> int:
 
 def kept_of(recovery: Recovery, joint: int) -> Orders:
     """Return which harmonics of a joint's angle and of its moment are used: none where either has none."""
-    joints = recovery.transfer.angles.shape[1]
-    values, errors, noise = recovery.values, recovery.standard_error, recovery.noise
+    rows, values = recovery.rows(joint), recovery.values
     power = np.abs(recovery.spectra.amplitudes[0]) ** 2
     # A tone: the first harmonic is most of the drive.
     tone = bool(power[0] > 0.5 * power.sum())
-
-    def kept(row: int) -> Orders:
-        if not recovery.spectra.repeats:
-            return up_to_end(values[row], noise[row])
-        return kept_orders(values[row], errors[row], tone)
-
-    angle, moment = kept(joint), kept(joints + joint)
-    return (angle | moment) & angle.any() & moment.any()
+    if recovery.spectra.repeats:
+        kept = [kept_orders(values[row], recovery.standard_error[row], tone) for row in rows]
+    else:
+        kept = [up_to_end(values[row], recovery.noise[row]) for row in rows]
+    return np.logical_or(*kept) & kept[0].any() & kept[1].any()
 
 
 def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
@@ -104,7 +100,7 @@ def slow_part(recovery: Recovery, joint: int) -> Slow:
     level = 0.0
     if recovery.run.frequency and drift:
         # A velocity that is another at the end takes a moment M·ω·v/(ωT) of those M·ω·v of a vibration of angular ω.
-        of_moment = recovery.values[recovery.transfer.angles.shape[1] + joint]
+        of_moment = recovery.values[recovery.rows(joint)[1]]
         level = (
             rms(np.abs(of_moment)) * np.sqrt(of_moment.size / 2) * drift / (np.pi * recovery.run.frequency)
         )
@@ -139,9 +135,8 @@ def joint_states(
     if not recovery.spectra.repeats:
         return record_states(recovery, joint, name, mean_moment)
     spectra, run = recovery.spectra, recovery.run
-    joints = recovery.transfer.angles.shape[1]
     values, errors, blocks = recovery.values, recovery.standard_error, recovery.blocks
-    of_angle, of_moment = joint, joints + joint
+    of_angle, of_moment = recovery.rows(joint)
     keep = kept_of(recovery, joint)
     # What the law will tell of the slow part it tells of the whole run, not of each block.
     slow = slow_orders(recovery, joint)
@@ -196,7 +191,7 @@ def record_series(amplitudes: Complex, n: int) -> Array:
 def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float = 0.0) -> ForceStates:
     """Return the force states of a joint in a run that does not repeat; parameters as of :func:`joint_states`."""
     spectra, run = recovery.spectra, recovery.run
-    joints, n = recovery.transfer.angles.shape[1], int(spectra.edges[-1])
+    of_moment, n = recovery.rows(joint)[1], int(spectra.edges[-1])
     values, errors = recovery.values, recovery.standard_error
     kept = kept_of(recovery, joint)
     known = kept & ~slow_orders(recovery, joint)
@@ -208,7 +203,7 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
     # Drift and bend are not known yet: a joint does not travel on and on, and the law will tell the rest.
     bend, drift = np.polyfit(time, rate, 1)
     angle, rate = angle - (bend / 2 * time + drift) * time, rate - (bend * time + drift)
-    moment = mean_moment + _with_jump(values[joints + joint] * kept, angular, n)
+    moment = mean_moment + _with_jump(values[of_moment] * kept, angular, n)
     angle_noise, rate_noise, acceleration_noise = (
         float(np.sqrt(np.sum((angular[known] ** order * errors[joint, known]) ** 2))) for order in range(3)
     )
@@ -226,7 +221,7 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
         angle=angle, rate=rate, acceleration=acceleration, moment=moment, moving=moving,
         block=np.arange(n) * BLOCKS // n, replicate=None,
         noise=NoiseFloor(
-            float(np.sqrt(np.sum(errors[joints + joint, kept] ** 2))), angle_noise, rate_noise, acceleration_noise
+            float(np.sqrt(np.sum(errors[of_moment, kept] ** 2))), angle_noise, rate_noise, acceleration_noise
         ),
         method="broadband", bandwidth=highest, dropped=0.0, slowest=slowest, guard=guard,
     )  # fmt: skip

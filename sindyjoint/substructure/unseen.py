@@ -6,8 +6,9 @@ M = Σ c·φ + (∂M/∂θ)·δθ + (∂M/∂θ̇)·δθ̇ with the amplitudes o
 them, within its standard error.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -124,7 +125,7 @@ def find_slow(
     states: Sequence[ForceStates],
     slow: Sequence[Slow],
     terms: Sequence[ResolvedTerm],
-    weights: Array | None = None,
+    weights: Array,
     begin: Sequence[Array] = (),
 ) -> LawRows:
     """Find the unknowns of each run's slow part together with the coefficients of a law.
@@ -136,15 +137,14 @@ def find_slow(
     slow : sequence of Slow
     terms : sequence of ResolvedTerm
         Of the law.
-    weights : ndarray, shape (runs,), optional
-        What rows of each run count. Default: all the same.
+    weights : ndarray, shape (runs,)
+        What rows of each run count.
     begin : sequence of ndarray, optional
         Unknowns of each run to start from, as of a law found before. Default: as the sensors show them.
     """
     kept = [_thinned(state) for state in states]
     bases = [each.basis(state, rows) for state, each, rows in zip(states, slow, kept, strict=True)]
     moments = [state.moment[rows] for state, rows in zip(states, kept, strict=True)]
-    weights = np.ones(len(states)) if weights is None else weights
     unknowns = [*begin] or [each.start for each in slow]
     if not begin and any(each.drift for each in slow):
         unknowns = _begin(states, slow, terms, kept, bases, unknowns)
@@ -155,23 +155,16 @@ def find_slow(
     coefficients = np.zeros(len(terms))
     errors = np.concatenate([each.errors for each in slow])
 
-    def linearised() -> tuple[list[Array], list[tuple[Array, Array]], list[Array]]:
-        found = [
-            _columns_and_slopes(state, rows, basis, values, terms, coefficients)
-            for state, rows, basis, values in zip(states, kept, bases, unknowns, strict=True)
-        ]
-        of_unknowns = [
-            by_angle[:, None] * basis[0] + by_rate[:, None] * basis[1] - basis[2]
-            for (_, (by_angle, by_rate)), basis in zip(found, bases, strict=True)
-        ]
-        return [columns for columns, _ in found], [pair for _, pair in found], of_unknowns
+    def linearised() -> Iterator[tuple[Any, ...]]:
+        given = zip(states, kept, bases, unknowns, strict=True)
+        return zip(*(_linearised(*each, terms, coefficients) for each in given), strict=True)
 
     def whole_moments() -> list[Array]:
         return [m + basis[2] @ values for m, basis, values in zip(moments, bases, unknowns, strict=True)]
 
     # At first the law is not known, and the angles are as the sensors show them.
     target = np.concatenate([np.sqrt(w) * m for w, m in zip(weights, whole_moments(), strict=True)])
-    columns = np.vstack([np.sqrt(w) * part for w, part in zip(weights, linearised()[0], strict=True)])
+    columns = np.vstack([np.sqrt(w) * part for w, part in zip(weights, next(linearised()), strict=True)])
     coefficients = scaled_least_squares(columns, target, 1e-10)
     noise = float(np.std(target - columns @ coefficients))
     for _ in range(19):
@@ -236,22 +229,23 @@ def _begin(
     ]
 
 
-def _columns_and_slopes(
+def _linearised(
     state: ForceStates,
     rows: NDArray[np.intp],
     basis: Basis,
     unknowns: Array,
     terms: Sequence[ResolvedTerm],
     coefficients: Array,
-) -> tuple[Array, tuple[Array, Array]]:
-    """Return the terms' columns of a run with its slow part, and the law's slopes by angle and rate."""
+) -> tuple[Array, tuple[Array, Array], Array]:
+    """Return the terms' columns of a run with its slow part, the law's slopes by angle and rate, and the unknowns'."""
     motion = state.angle[rows] + basis[0] @ unknowns, state.rate[rows] + basis[1] @ unknowns
 
     def columns(angle: Array, rate: Array) -> Array:
         return term_columns(terms, angle, rate, state.acceleration[rows])
 
     by_angle, by_rate = partials(lambda *at: columns(*at) @ coefficients, motion, DIFFERENCE)
-    return columns(*motion), (by_angle, by_rate)
+    of_unknowns = by_angle[:, None] * basis[0] + by_rate[:, None] * basis[1] - basis[2]
+    return columns(*motion), (by_angle, by_rate), of_unknowns
 
 
 def _stacked(columns: Sequence[Array], blocks: Sequence[Array], weights: Array) -> Array:

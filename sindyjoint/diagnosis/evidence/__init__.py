@@ -192,12 +192,8 @@ class Evidence:
     @cached_property
     def _volume(self) -> Array:
         """Σ log(1 + σ²λ) per size and group, shape (s, g)."""
-        return self._summed(-np.log(self._weights))
-
-    def _summed(self, rows: Array) -> Array:
-        """Return sums over the rows of each group, (…, n) → (…, g)."""
         order, edges = self._order
-        return np.add.reduceat(rows[..., order], edges, axis=-1)
+        return np.add.reduceat(-np.log(self._weights)[:, order], edges, axis=1)
 
     @cached_property
     def _order(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -7,6 +7,7 @@ their deviates, so that no single group decides.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -112,24 +113,18 @@ class Search:
     before: float = 0.0
     sure: bool = True
     positive: Sequence[int] = ()
-    _limits: tuple[float, float] | None = field(init=False, default=None)
     _rivals: dict[Any, list[Chosen]] = field(init=False, default_factory=dict)
     _refined: list[Candidate] = field(init=False, default_factory=list)
 
-    @property
+    @cached_property
     def limits(self) -> tuple[float, float]:
         """Rise in nats, and deviate, that the best candidate exceeds by chance, with that probability."""
         if not self.candidates:
             return 0.0, 0.0
-        if self._limits is None:
-            places = [each.place for each in self.candidates]
-            rises = self.evidence.chance_rises(self.base, places, SHAMS, 0)
-            total = np.quantile(rises.sum(axis=1), TAIL) + np.log((1 - TAIL) / EVIDENCE.chance)
-            self._limits = (
-                max(float(total), float(np.log((1 - TAIL) / EVIDENCE.chance))),
-                float(np.quantile([deviate(each) for each in rises], TAIL)),
-            )
-        return self._limits
+        rises = self.evidence.chance_rises(self.base, [each.place for each in self.candidates], SHAMS, 0)
+        beyond = float(np.log((1 - TAIL) / EVIDENCE.chance))
+        total = float(np.quantile(rises.sum(axis=1), TAIL)) + beyond
+        return max(total, beyond), float(np.quantile([deviate(each) for each in rises], TAIL))
 
     def wins(self, later: Chosen, fewer: Chosen) -> bool:
         """Return whether a set wins over one with less in it by more than chance, for each member that it has more."""

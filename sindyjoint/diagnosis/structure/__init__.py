@@ -5,8 +5,9 @@ bounded Gauss–Newton search on the simulated response.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,11 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.evidence import GROUPS, Evidence, Score
+from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.numeric import Array
 from sindyjoint.record import LARGEST
+
+Made = TypeVar("Made")
 
 # Step of the differences, in standard errors of numbers that have a prior: a simulation in time has events, and a
 # smaller one would see them.
@@ -129,6 +133,16 @@ class OutputError(Protocol):
     def _changes(self, extra: Change | None) -> tuple[Change, ...]:
         return (*self.found, *((extra,) if extra is not None else ()))
 
+    def _once(self, key: object, make: Callable[[], Made], most: int = 200) -> Made:
+        """Return what is kept under a key, of so many at most, or else made."""
+        found = self._kept.get(key, self)
+        if found is self:
+            found = make()
+            if len(self._kept) > most:
+                self._kept.clear()
+            self._kept[key] = found
+        return found
+
     def changed(self, setup: Setup, x: Array, extra: Change | None = None) -> Setup:
         """Return a setup with the effects found, and an extra one."""
         at = self.priors
@@ -136,6 +150,13 @@ class OutputError(Protocol):
             setup = change.apply(setup, x[at : at + change.size])
             at += change.size
         return setup
+
+
+def attempted(make: Callable[..., Made], *given: Any) -> Made | None:
+    """Return what is made of something given; None without a motion."""
+    with suppress(SimulationError, InputError, np.linalg.LinAlgError):
+        return make(*given)
+    return None
 
 
 def differences(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from operator import itemgetter
 from typing import Any
 
@@ -16,6 +17,7 @@ from sindyjoint.diagnosis.structure.runs import RunsProblem, channels_of
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.numeric import Array, analytic, main_frequency
 from sindyjoint.response.oscillations import hilbert_envelope
+from sindyjoint.substructure.simulated import series
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 
 UNITS = {"acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
@@ -196,34 +198,28 @@ def _phase(
     ]
 
 
-def steady_gaps(given: RunsProblem, repaired: RunsProblem, x: Array) -> list[RecordGap]:
-    """Return every sensor of every run that repeats over some periods beside its simulations.
+def steady_gaps(given: RunsProblem, repaired: RunsProblem, x: Array) -> Iterator[RecordGap]:
+    """Yield every sensor of every run that repeats over some periods beside its simulations.
 
     Gaps are those of the harmonics that are compared; parameters as of :func:`segment_gaps`.
     """
-    found = []
     for place, run in enumerate(given.runs):
-        orders = np.arange(1, run.measured.shape[1] + 1)
         # Of the pictures eight periods, 64 samples of each.
         time = np.arange(8 * 64) / 64 * 2 * np.pi / run.omega
-        wave = np.exp(1j * run.omega * np.outer(time, orders))
         answers = given.answer(place, given.start()), repaired.answer(place, x)
         shown = [run.measured, *each_of(answers, itemgetter(1))]
+        waves = each_of(shown, partial(series, omega=run.omega, time=time))
         for sensor, channel in enumerate(given.test.sensors):
             compared = each_of(shown, itemgetter(sensor))
             noise = float(np.sqrt(2 * np.sum(run.sigma[sensor] ** 2)))
-            found.append(
-                beside(
-                    f"{channel.name}, {run.name}", time, [a if a is None else (wave @ a).real for a in compared],
-                    compared, float(np.linalg.norm(run.measured[sensor])), noise, noise / np.sqrt(2),
-                    quantity=channel.quantity,
-                )
+            yield beside(
+                f"{channel.name}, {run.name}", time, each_of(waves, itemgetter(sensor)), compared,
+                float(np.linalg.norm(compared[0])), noise, noise / np.sqrt(2), quantity=channel.quantity,
             )  # fmt: skip
-    return found
 
 
-def segment_gaps(given: RunsProblem, repaired: RunsProblem, x: Array) -> list[RecordGap]:
-    """Return every sensor of every run that does not repeat beside its simulations.
+def segment_gaps(given: RunsProblem, repaired: RunsProblem, x: Array) -> Iterator[RecordGap]:
+    """Yield every sensor of every run that does not repeat beside its simulations.
 
     Gaps are those of all its segments, each from the state from which it fits best; signals those of the one in which
     the sensor shows most.
@@ -235,7 +231,6 @@ def segment_gaps(given: RunsProblem, repaired: RunsProblem, x: Array) -> list[Re
     x : ndarray
         The numbers of the repaired one.
     """
-    found = []
     for record in given.records:
         before, _ = _simulate(given, record, given.start())
         after, weighed = _simulate(repaired, record, x)
@@ -247,14 +242,11 @@ def segment_gaps(given: RunsProblem, repaired: RunsProblem, x: Array) -> list[Re
             time = np.arange(*record.spans[loudest]) / record.rate
             compared, sigma = each_of(pieces, np.concatenate), float(weighed.sigma[sensor])
             rows = sum(part.size / s**2 for part, s in zip(pieces[0], weighed.weights, strict=True))
-            found.append(
-                beside(
-                    f"{channel.name}, {record.name}", time, each_of(pieces, itemgetter(loudest)), compared,
-                    float(np.linalg.norm(compared[0])), sigma * float(np.sqrt(rows)), sigma, float(time[0]),
-                    channel.quantity,
-                )
+            yield beside(
+                f"{channel.name}, {record.name}", time, each_of(pieces, itemgetter(loudest)), compared,
+                float(np.linalg.norm(compared[0])), sigma * float(np.sqrt(rows)), sigma, float(time[0]),
+                channel.quantity,
             )  # fmt: skip
-    return found
 
 
 def _simulate(

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,7 +21,7 @@ from sindyjoint.diagnosis.structure.gap import (
     segment_gaps,
     steady_gaps,
 )
-from sindyjoint.diagnosis.structure.kinds import with_slopes
+from sindyjoint.diagnosis.structure.kinds import JointKind, with_slopes
 from sindyjoint.diagnosis.structure.problem import StructureProblem
 from sindyjoint.diagnosis.structure.runs import RunsProblem, channels_of
 from sindyjoint.diagnosis.structure.start import outside_joints
@@ -29,7 +29,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import SIMULATED
 from sindyjoint.response.verify_campaign import GIVEN
@@ -162,14 +161,16 @@ class RunsDiagnosis(StructureProblem):
         """Return the result: the model of each kind of joint, and the structure's numbers."""
         problem, x = self.pulse, self.best.x
         covariance = problem.covariance(x)
-        models, changed = {}, [change.kind for change in problem.found if change.inside]
-        for kind in problem.kinds:
+        changed = [change.kind for change in problem.found if change.inside]
 
-            def assembled(values: Array, kind: Any = kind) -> JointModel:
-                setup = problem.setup(values)
-                return kind.whole(setup.kinds[kind.name].numbers, kind.model, problem.found)
+        def assembled(kind: JointKind, values: Array) -> JointModel:
+            setup = problem.setup(values)
+            return kind.whole(setup.kinds[kind.name].numbers, kind.model, problem.found)
 
-            models[kind.name] = with_slopes(assembled, x, problem.bounds()[1], covariance)
+        high = problem.bounds()[1]
+        models = {
+            kind.name: with_slopes(partial(assembled, kind), x, high, covariance) for kind in problem.kinds
+        }
         lead = changed[0] if changed else problem.kinds[0].name
         notes = [SIMULATED] if problem.test.simulated else []
         if problem.records:
@@ -193,24 +194,6 @@ class RunsDiagnosis(StructureProblem):
         )
 
 
-def divide_runs(test: RigTest) -> tuple[list[RigRun], list[RigRun]]:
-    """Return the runs that are fitted and those that are kept out: as they are marked, or every third one.
-
-    Raises
-    ------
-    InputError
-        Without a run for identification.
-    """
-    runs = list(test.identification_runs)
-    if not runs:
-        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
-    marked = [run for run in test.runs if run.use == "validate"]
-    # Of fewer than four runs none is kept out unless it is marked.
-    if marked or len(runs) < 4:
-        return runs, marked
-    return [run for i, run in enumerate(runs) if i % 3 != 1], runs[1::3]
-
-
 def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tuple[Change, ...]:
     """Return the ways in which the structure, and each kind of joint, may differ from what is described."""
     setup = problem.setup(x)
@@ -226,6 +209,6 @@ def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tup
                 moment = law.moment(d, v, np.sign(v), np.zeros((law.n_states, d.size)))
                 peaks = np.maximum(peaks, np.abs([d, v, moment]).max(axis=1))
         angle, rate, moment = peaks.tolist()
-        for change in joint_changes(kind.laws, effects, Reference(angle, rate), moment):
-            changes.append(kind.change(change, len(problem.kinds) > 1))
+        own = joint_changes(kind.laws, effects, Reference(angle, rate), moment)
+        changes += [kind.change(change, len(problem.kinds) > 1) for change in own]
     return tuple(changes)

@@ -28,23 +28,27 @@ class JointKind:
         Numbers of the joints in the structure.
     model : JointModel
     laws : JointLaws
+    kept : ndarray of int, shape (k,)
+        Places of the model's numbers without the inertia.
     root : ndarray, shape (k, k)
-        Numbers are those of the model and L·u, u being what a fit moves.
+        L: numbers are those of the model and L·u, u being what a fit moves.
     """
 
     name: str
     places: tuple[int, ...]
     model: JointModel
     laws: JointLaws
+    kept: NDArray[np.intp]
     root: Array
 
     @classmethod
     def of(cls, name: str, places: tuple[int, ...], model: JointModel, least: float) -> "JointKind":
         """Return joints whose numbers move by their covariance, each by `least` of itself at least."""
         laws = JointLaws(model, model_law(model).softening_limit)
-        kept = kept_numbers(model)
+        terms = [place for place, term in enumerate(model.terms) if term.id != INERTIA]
+        kept = np.array([*terms, *range(len(model.terms), model.numbers.size)], dtype=np.intp)
         values, covariance = model.numbers[kept], model.covariance_matrix[np.ix_(kept, kept)]
-        return cls(name, places, model, laws, root_of(covariance + np.diag((least * values) ** 2)))
+        return cls(name, places, model, laws, kept, root_of(covariance + np.diag((least * values) ** 2)))
 
     @property
     def size(self) -> int:
@@ -53,17 +57,16 @@ class JointKind:
 
     def setup(self, u: Array) -> Setup:
         """Return the law's numbers as the setup of such a joint."""
-        kept, moved = kept_numbers(self.model), self.model.numbers.copy()
-        moved[kept] += self.root @ u
-        moved = physical_numbers(self.model, moved)[kept]
+        moved = self.model.numbers.copy()
+        moved[self.kept] += self.root @ u
+        moved = physical_numbers(self.model, moved)[self.kept]
         return Setup((), 0.0, dict(zip(self.laws.numbers(), moved.tolist(), strict=True)))
 
     def with_numbers(self, u: Array, covariance: Array) -> JointModel:
         """Return the model with its numbers moved by L·u, and the covariance of u as theirs."""
-        kept = kept_numbers(self.model)
         numbers, whole = self.model.numbers.copy(), np.zeros((self.model.numbers.size,) * 2)
-        numbers[kept] = list(self.setup(u).numbers.values())
-        whole[np.ix_(kept, kept)] = self.root @ covariance @ self.root.T
+        numbers[self.kept] = list(self.setup(u).numbers.values())
+        whole[np.ix_(self.kept, self.kept)] = self.root @ covariance @ self.root.T
         return self.model.with_numbers(numbers, (whole + whole.T) / 2)
 
     def change(self, change: Change, several: bool) -> Change:
@@ -112,12 +115,6 @@ def kinds_of(test: RigTest, models: Mapping[str, JointModel], least: float) -> t
         )
         for name in names
     )
-
-
-def kept_numbers(model: JointModel) -> NDArray[np.intp]:
-    """Return the places of a model's numbers without the inertia."""
-    terms = [place for place, term in enumerate(model.terms) if term.id != INERTIA]
-    return np.array([*terms, *range(len(model.terms), model.numbers.size)], dtype=np.intp)
 
 
 def with_slopes(

@@ -6,7 +6,7 @@ begins with all of it ends in the nearest wrong cycle.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import scipy
@@ -22,11 +22,11 @@ from sindyjoint.diagnosis.structure import (
     STEP_PRIOR,
     FittedChange,
     OutputError,
+    attempted,
     differences,
     parted,
 )
 from sindyjoint.diagnosis.structure.kinds import JointKind
-from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.virtual_rig import with_laws
 from sindyjoint.numeric import Array, delayed, main_frequency, noise_by_differences
@@ -67,7 +67,7 @@ class PulseProblem(OutputError):
     pulse_uncertainty: float = 0.0
     step_error: tuple[Array, ...] = ()
     policy: DiagnosisPolicy = STRUCTURE
-    _kept: dict[object, tuple[Array, ...]] = field(default_factory=dict, repr=False)
+    _kept: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @property
     def duration(self) -> float:
@@ -126,38 +126,30 @@ class PulseProblem(OutputError):
         return min(record.displacement.size, max(int(round(duration * record.sample_rate)), 8))
 
     def _motion(self, setup: Setup, duration: float, step: float | None) -> tuple[Array, ...] | None:
-        key = (setup.motion_key, duration, step)
-        if key in self._kept:
-            return self._kept[key]
-        if not all(map(np.isfinite, setup.numbers.values())):
-            return None  # friction that never becomes steady, for one
-        law = self.kind.laws.law(setup)
-        rig = with_laws(
-            replace(
-                self.rig,
-                items=setup.items,
-                clamp_stiffness=np.inf if setup.compliance <= 0 else 1 / setup.compliance,
-                excitation=self.rig.excitation.scaled(setup.pulse),
-            ),
-            lambda hinge: law if hinge.name in self.places else hinge.law,
-        )
-        points = tuple(dict.fromkeys(r.point for r in self.records))
-        step, modes = rig.step if step is None else step, min(rig.modes, 6)
-        try:
+        def simulated() -> tuple[Array, ...] | None:
+            if not all(map(np.isfinite, setup.numbers.values())):
+                return None  # friction that never becomes steady, for one
+            law = self.kind.laws.law(setup)
+            rig = with_laws(
+                replace(
+                    self.rig,
+                    items=setup.items,
+                    clamp_stiffness=np.inf if setup.compliance <= 0 else 1 / setup.compliance,
+                    excitation=self.rig.excitation.scaled(setup.pulse),
+                ),
+                lambda hinge: law if hinge.name in self.places else hinge.law,
+            )
+            points = tuple(dict.fromkeys(r.point for r in self.records))
             # Modes are added to the search only as far as records can show them.
+            options: dict[str, Any] = {"modes": min(rig.modes, 6), "step": rig.step if step is None else step}
             found = {
-                rate: rig.respond(points=points, duration=duration, sample_rate=rate, modes=modes, step=step)
+                rate: rig.respond(points=points, duration=duration, sample_rate=rate, **options).displacement
                 for rate in {r.sample_rate for r in self.records}
             }
-        except (SimulationError, InputError, np.linalg.LinAlgError):
-            return None
-        motions = tuple(found[r.sample_rate].displacement[r.point] for r in self.records)
-        if not all(np.all(np.isfinite(m)) for m in motions):
-            return None
-        if len(self._kept) > 64:
-            self._kept.clear()
-        self._kept[key] = motions
-        return motions
+            motions = tuple(found[r.sample_rate][r.point] for r in self.records)
+            return motions if all(np.all(np.isfinite(m)) for m in motions) else None
+
+        return self._once((setup.motion_key, duration, step), lambda: attempted(simulated), 64)
 
     def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
         """Return simulated less measured over noise, then the prior rows."""

@@ -1,4 +1,4 @@
-"""The problem of a test's runs: those that do not repeat in segments beside those that do."""
+"""The runs of a test that are fitted, and their problem: those that do not repeat in segments beside those that do."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,13 +10,31 @@ from sindyjoint.diagnosis.structure.kinds import kinds_of
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
 from sindyjoint.substructure.recovery import Recovery, held_spectra, stated_numbers, update_structure
 from sindyjoint.substructure.simulated import SteadyRun
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.states import joint_states, kept_of
+
+
+def divide_runs(test: RigTest) -> tuple[list[RigRun], list[RigRun]]:
+    """Return the runs that are fitted and those that are kept out: as they are marked, or every third one.
+
+    Raises
+    ------
+    InputError
+        Without a run for identification.
+    """
+    runs = list(test.identification_runs)
+    if not runs:
+        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    marked = [run for run in test.runs if run.use == "validate"]
+    # Of fewer than four runs none is kept out unless it is marked.
+    if marked or len(runs) < 4:
+        return runs, marked
+    return [run for i, run in enumerate(runs) if i % 3 != 1], runs[1::3]
 
 
 def runs_problem(

@@ -9,10 +9,9 @@ numbers of effects.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,15 @@ from sindyjoint.clock import spend
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.structure import STEP_PRIOR, OutputError, covariance_of, differences, parted
+from sindyjoint.diagnosis.structure import (
+    STEP_PRIOR,
+    Made,
+    OutputError,
+    attempted,
+    covariance_of,
+    differences,
+    parted,
+)
 from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
@@ -37,7 +44,6 @@ from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.steady_response import Steady
 
 Complex = NDArray[np.complex128]
-Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,18 +178,10 @@ class RunsProblem(OutputError):
         structure, at_harmonics = self._once(key, condensed)
         return run.balance(structure, self.laws(setup), at_harmonics, setup.pulse)
 
-    def _once(self, key: object, make: Callable[[], Any]) -> Any:
-        """Return what is kept under a key, or else made."""
-        found = self._kept.get(key, self)
-        if found is self:
-            found = make()
-            if len(self._kept) > 200:
-                self._kept.clear()
-            self._kept[key] = found
-        return found
-
-    def _key(self, name: object, x: Array, extra: Change | None) -> tuple[object, ...]:
-        return name, x.tobytes(), id(extra), tuple(map(id, self.found))
+    def _tried(self, name: object, x: Array, extra: Change | None, make: Callable[[], Made]) -> Made | None:
+        """Return what is made with some numbers, once; None without a motion."""
+        key = name, x.tobytes(), id(extra), tuple(map(id, self.found))
+        return self._once(key, lambda: attempted(make))
 
     def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
         """Return the motion of a run and what its sensors record; None where there is none.
@@ -199,7 +197,7 @@ class RunsProblem(OutputError):
             shown = run.moved(answer, balance) if self.near_to else answer.shown
             return answer, run.recorded(shown, channels_of(setup))
 
-        return self._once(self._key(place, x, extra), lambda: attempted(found))
+        return self._tried(place, x, extra, found)
 
     def answers(self, x: Array, extra: Change | None = None) -> list[tuple[Answer, Complex]] | None:
         """Return those of all runs that repeat; None where one has none."""
@@ -215,7 +213,7 @@ class RunsProblem(OutputError):
         answers, segments = self.answers(x, extra), self._segments(self._following(x, extra), x, extra)
         if answers is None or segments is None:
             return None
-        parts = [run.residual(shown) for run, (_, shown) in zip(self.runs, answers, strict=True)]
+        parts = (run.residual(shown) for run, (_, shown) in zip(self.runs, answers, strict=True))
         return np.concatenate([*parts, x[: self._held], segments])
 
     def _following(self, x: Array, extra: Change | None) -> tuple[SegmentedRun, ...] | None:
@@ -228,9 +226,8 @@ class RunsProblem(OutputError):
                 for record in self.records
             )
 
-        if self.floored or not self.records:
-            return self.records
-        return self._once(self._key("following", x, extra), lambda: attempted(followed))
+        moving = self.records and not self.floored
+        return self._tried("following", x, extra, followed) if moving else self.records
 
     def _segments(
         self, records: tuple[SegmentedRun, ...] | None, x: Array, extra: Change | None
@@ -241,15 +238,11 @@ class RunsProblem(OutputError):
 
         def residual() -> Array:
             setup = self.setup(x, extra)
-            parts = [
-                part
-                for record in records
-                for part in record.residual(self.simulated(record, x, setup), channels_of(setup))
-            ]
+            shown = ((r, self.simulated(r, x, setup)) for r in records)
+            parts = (part for r, reduced in shown for part in r.residual(reduced, channels_of(setup)))
             return np.concatenate([np.empty(0), *parts])
 
-        key = (*self._key("segments", x, extra), *map(id, records))
-        return self._once(key, lambda: attempted(residual))
+        return self._tried(("segments", *map(id, records)), x, extra, residual)
 
     def simulated(self, record: SegmentedRun, x: Array, setup: Setup | None = None) -> Structure:
         """Return the structure that is simulated of a run.
@@ -390,13 +383,6 @@ class RunsProblem(OutputError):
                     f"run {record.name!r} cannot be simulated with the model: {error}"
                 ) from error
         return replace(self, runs=tuple(runs), records=tuple(records), _kept={})
-
-
-def attempted(make: Callable[..., Made], *given: Any) -> Made | None:
-    """Return what is made of something given; None without a motion."""
-    with suppress(SimulationError, InputError, np.linalg.LinAlgError):
-        return make(*given)
-    return None
 
 
 def channels_of(setup: Setup) -> Channels:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -59,7 +58,9 @@ def _search(
 ) -> list[FittedChange]:
     steps = horizons(problem, period)
     small = base.cost < problem.policy.linear * problem.rows()
-    start = base.x if small else _held(problem, base)
+    # A large gap drags the coefficients of the model after it: it stays where it was.
+    own = problem.priors
+    start = base.x if small else np.append(problem.start()[:own], base.x[own:])
     say(f"trying {len({c.effect.id for c in changes})} effects")
     tried = _begin(problem, start, changes, steps[0])
     if small:
@@ -83,17 +84,6 @@ def _search(
     return _refined(problem, base, fits)
 
 
-def _held(problem: PulseProblem, base: Fit) -> Array:
-    """Return the base's numbers with the model where it was: a large gap drags its coefficients after it."""
-    x = problem.start()
-    x[problem.priors :] = base.x[problem.priors :]
-    return x
-
-
-def _parallel(work: Callable[..., object], tasks: Sequence[tuple[Any, ...]]) -> list[Any]:
-    return side_by_side(lambda task: work(*task), tasks)
-
-
 def _begin(
     problem: PulseProblem, start: Array, changes: Sequence[Change], horizon: float
 ) -> list[tuple[Change, Array]]:
@@ -104,7 +94,7 @@ def _begin(
         return [(change, np.concatenate([start, change.start])) for change in changes]
     base = problem.derivatives(start, residual, horizon, range(start.size))
     tasks = [(problem, start, change, horizon, residual, base) for change in changes]
-    return [each for each in _parallel(_promising, tasks) if each is not None]
+    return [each for each in side_by_side(lambda task: _promising(*task), tasks) if each is not None]
 
 
 def _promising(
@@ -168,10 +158,11 @@ def _fits(
     jacobian: Array | None,
     iterations: int,
 ) -> list[tuple[Change, Fit]]:
-    def one(change: Change, x: Array) -> tuple[Change, Fit | None]:
+    def one(task: tuple[Change, Array]) -> tuple[Change, Fit | None]:
+        change, x = task
         return change, fit(problem, x, horizon, change, base_jacobian=jacobian, iterations=iterations)
 
-    return [(change, found) for change, found in _parallel(one, alive) if found is not None]
+    return [(change, found) for change, found in side_by_side(one, alive) if found is not None]
 
 
 def _close(
@@ -193,14 +184,13 @@ def _close(
 def _refined(problem: PulseProblem, base: Fit, fits: Sequence[tuple[Change, Fit]]) -> list[FittedChange]:
     """Return the candidates; the best few are fitted once more with every derivative worked out."""
     order = sorted(fits, key=lambda each: each[1].cost)
-    first = order[:REFINED]
 
-    def one(change: Change, found: Fit) -> Fit:
+    def one(task: tuple[Change, Fit]) -> tuple[Change, Fit]:
+        change, found = task
         again = fit(problem, found.x, problem.duration, change, iterations=3)
-        return found if again is None or again.cost > found.cost else again
+        return change, found if again is None or again.cost > found.cost else again
 
-    again = _parallel(one, first)
-    pairs = [(c, f) for (c, _), f in zip(first, again, strict=True)] + list(order[REFINED:])
+    pairs = side_by_side(one, order[:REFINED]) + order[REFINED:]
     return [FittedChange(**vars(f), change=change, gain=max(base.cost - f.cost, 0.0)) for change, f in pairs]
 
 
@@ -213,7 +203,8 @@ def _linearised(
     assert residual is not None
     columns, near = base.jacobian, problem.near(base.x)
 
-    def linear(change: Change, x: Array) -> FittedChange | None:
+    def linear(task: tuple[Change, Array]) -> FittedChange | None:
+        change, x = task
         places = [base.x.size + i for i in change.linear]
         at = x.copy()
         at[places] = 0.0
@@ -233,7 +224,7 @@ def _linearised(
         return FittedChange(at, least, there + whole @ numbers, jacobian, change, base.cost - least)
 
     rows = problem.rows()
-    guessed = [each for each in _parallel(linear, tried) if each is not None]
+    guessed = [each for each in side_by_side(linear, tried) if each is not None]
     guessed.sort(key=lambda each: -(each.gain - each.change.size * np.log(rows)))
     promising = [f for f in guessed[:10] if f.gain > f.change.size * np.log(rows)]
     fits = _fits(
@@ -243,7 +234,7 @@ def _linearised(
         columns,
         4,
     )
-    found = _refined(problem, base, fits) if fits else []
+    found = _refined(problem, base, fits)
     known, most = {f.name for f in found}, max([f.gain for f in found], default=np.inf)
     rest = [replace(f, gain=max(min(f.gain, most), 0.0)) for f in guessed if f not in promising]
     return found + [each for each in rest if each.name not in known]

@@ -50,9 +50,7 @@ def model_of_law(law: PaperLaw, angle: float, rate: float, known_to: float) -> J
 
     catalogue = load_catalogue("paper")
     terms = []
-    for term in catalogue:
-        if term.id not in PAPER_PARAMETERS:
-            continue
+    for term in (each for each in catalogue if each.id in PAPER_PARAMETERS):
         value = float(getattr(law, PAPER_PARAMETERS[term.id]))
         error = known_to * abs(value)
         interval = (value - 1.96 * error, value + 1.96 * error)

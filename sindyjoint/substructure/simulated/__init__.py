@@ -196,10 +196,10 @@ class SteadyRun:
 
     def _drive_errors(self, answer: Answer) -> Iterator[Complex]:
         """Yield what the sensors show of a standard error of each line of the drive."""
-        for order in np.flatnonzero(self.drive_error):
-            for unit in (1.0, 1j) if order else (1.0,):
-                step = np.zeros(self.drive.size, dtype=complex)
-                step[order] = unit * self.drive_error[order]
+        steps = np.diag(self.drive_error.astype(complex))
+        # A mean has no imaginary part.
+        for step in (*steps, *(1j * steps[1:])):
+            if step.any():
                 yield answer.balance.shown(answer.moved(-answer.balance.load(step)), step)
 
     def _structure_errors(self, answer: Answer, structure: Structure) -> Iterator[Complex]:
@@ -224,12 +224,10 @@ class SteadyRun:
             + balance.load(self.drive)
         )
         joints, width = len(balance.laws), 2 * balance.harmonics + 1
-        compared = range(1, self.measured.shape[1] + 1)
-        single = np.zeros((joints, width, len(compared)))
-        for column, order in enumerate(compared):
-            rows = slice(2 * order - 1, 2 * order + 1)
-            single[:, rows, column] = off.reshape(joints, width)[:, rows]
-        moved = answer.moved(single.reshape(joints * width, -1))
+        compared = np.arange(1, self.measured.shape[1] + 1)
+        # Coefficients of each harmonic alone, its cosine and its sine.
+        alone = (np.arange(width)[:, None] + 1) // 2 == compared
+        moved = answer.moved((off.reshape(joints, width, 1) * alone).reshape(joints * width, -1))
         direct = other.shown(answer.angles) - balance.shown(answer.angles)
         none = np.zeros_like(self.drive)
         for column, order in enumerate(compared):
@@ -245,3 +243,14 @@ class SteadyRun:
 def in_parts(values: Complex) -> Array:
     """Return real parts, then imaginary parts, as one vector."""
     return np.concatenate([values.real.ravel(), values.imag.ravel()])
+
+
+def series(amplitudes: Complex, omega: float, time: Array) -> Array:
+    """Return Re Σ a_h·exp(i·h·ω·t), h from 1, shape (rows, samples)."""
+    out = np.zeros((len(amplitudes), time.size))
+    turn = np.exp(1j * omega * time)
+    power = np.ones_like(turn)
+    for column in amplitudes.T:
+        power = power * turn
+        out += np.real(column[:, None] * power)
+    return out

@@ -58,13 +58,6 @@ def slow_lines(samples: int, highest: float) -> Array:
     return np.asarray(scipy.fft.idct(np.eye(samples, int(2 * highest * samples)), norm="ortho", axis=0))
 
 
-def without_slow_lines(signal: Array, highest: float) -> Array:
-    """Return a signal without what lies below a share of the rate."""
-    parts = scipy.fft.dct(signal, norm="ortho")
-    parts[: int(2 * highest * signal.size)] = 0.0
-    return np.asarray(scipy.fft.idct(parts, norm="ortho"))
-
-
 def kept(samples: int) -> int:
     """Return how many coefficients of the cosine transform of a segment lie in the band that is compared."""
     return int(2 * SUBSTRUCTURE.band * samples)

@@ -42,7 +42,6 @@ from sindyjoint.substructure.simulated.segment_parts import (
     pace_of,
     slow_lines,
     with_drive,
-    without_slow_lines,
 )
 
 # Periods of the first frequency with joints that stick in a segment.
@@ -180,8 +179,10 @@ class SegmentedRun:
 
     def with_drive_noise(self, generator: np.random.Generator) -> Self:
         """Return the run with noise on the drive as much as there is, besides what is projected out."""
-        noise = np.asarray(self.drive_sigma * generator.normal(size=self.measured.shape[1]))
-        return replace(self, drive=self.drive + without_slow_lines(noise, self.driven / self.rate))
+        noise = np.asarray(self.drive_sigma * generator.normal(size=self.drive.size))
+        parts = scipy.fft.dct(noise, norm="ortho")
+        parts[: int(2 * self.driven / self.rate * noise.size)] = 0.0
+        return replace(self, drive=self.drive + scipy.fft.idct(parts, norm="ortho"))
 
     def liveliest(self, motion: Array, count: int) -> Self:
         """Return the run with the segments, at most so many, in which a signal of as many samples is largest."""

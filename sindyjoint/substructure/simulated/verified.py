@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import has_seen, range_warnings
@@ -34,12 +33,11 @@ from sindyjoint.response.verification import (
 from sindyjoint.response.verify_rig import place_by_kind
 from sindyjoint.states import signals_hash
 from sindyjoint.substructure.recovery import Recovery, declared_noise, recover
-from sindyjoint.substructure.simulated import SteadyRun
+from sindyjoint.substructure.simulated import SteadyRun, series
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.spectra import channel_spectra
 
 UNITS = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +87,15 @@ def _steady_run(test: RigTest, recovery: Recovery) -> MeasuredRun:
     time = np.arange(shown.shape[1]) / run.sample_rate
     above = spectra.amplitudes[1:].copy()
     above[:, :count] = 0.0
-    left = shown - _series(above, steady.omega, time)
+    left = shown - series(above, steady.omega, time)
     signals = left - left.mean(axis=1, keepdims=True)
-    unexplained = signals - _series(spectra.amplitudes[1:, :count], steady.omega, time)
+    unexplained = signals - series(spectra.amplitudes[1:, :count], steady.omega, time)
 
     def simulate(structure: Structure) -> Motion:
         answer = steady.answer(steady.balance(structure, [hinge.law for hinge in structure.hinges]))
         angles = steady.angles(answer)[:, 1:]
         rates = 1j * steady.omega * np.arange(1, angles.shape[1] + 1) * angles
-        return Motion(*(_series(each, steady.omega, time) for each in (answer.shown, angles, rates)))
+        return Motion(*(series(each, steady.omega, time) for each in (answer.shown, angles, rates)))
 
     noise = np.array([rms(row) for row in unexplained])
     return MeasuredRun(run, True, signals, noise, count * spectra.frequency, simulate)
@@ -228,14 +226,3 @@ def _entries(
             oscillations=oscillations, energy=None, failure=failure, scale=scale, rmse=error,
             rmse_unit=UNITS[sensor.quantity],
         )  # fmt: skip
-
-
-def _series(amplitudes: Complex, omega: float, time: Array) -> Array:
-    """Return Re Σ a_h·exp(i·h·ω·t), h from 1, shape (rows, samples)."""
-    out = np.zeros((len(amplitudes), time.size))
-    turn = np.exp(1j * omega * time)
-    power = np.ones_like(turn)
-    for column in amplitudes.T:
-        power = power * turn
-        out += np.real(column[:, None] * power)
-    return out
