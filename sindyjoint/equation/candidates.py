@@ -181,13 +181,8 @@ def catalogue_of(library: Any) -> Catalogue:
     InputError
         For a library whose features cannot be read as formulas.
     """
-    if isinstance(library, Sequence) and not isinstance(library, str):
-        parts = [catalogue_of(each) for each in library]
-        if not parts:
-            return as_catalogue(library)
-        return parts[0].union(*parts[1:]) if len(parts) > 1 else parts[0]
     if not hasattr(library, "get_feature_names"):
-        return as_catalogue(library)
+        return as_catalogue(library, catalogue_of)
     if hasattr(library, "physical_coefficients"):  # a TermLibrary, which imports this module
         return catalogue_of(library.library)
     if (inner := getattr(library, "libraries", None)) and type(library).__name__ == "ConcatLibrary":
@@ -227,18 +222,9 @@ def _term(kind: str, name: str, column: Any) -> Term:
         raise InputError(
             f"library {kind}: the feature {name!r} is not what its name says; write it as a term of a catalogue"
         )
-    known = _known(expression)
-    return known if known is not None else _new_term(kind, name, text, expression)
-
-
-def _known(expression: sympy.Expr) -> Term | None:
-    """Return the shipped term of the same formula."""
-    return next(
-        (t for t in load_catalogue("extended") if not t.parameters and t.expression == expression), None
-    )
-
-
-def _new_term(kind: str, name: str, text: str, expression: sympy.Expr) -> Term:
+    for known in load_catalogue("extended"):
+        if not known.parameters and known.expression == expression:
+            return known
     try:
         unit = coefficient_unit(expression, {}, "rotation")
     except UnitError:

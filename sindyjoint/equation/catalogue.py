@@ -7,11 +7,11 @@ numbers in.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sindyjoint.equation import formula
 from sindyjoint.equation.catalogue_file import (
@@ -196,16 +196,16 @@ def default_candidates(angle: float, motion: str) -> Catalogue:
     return extended.union(load_catalogue("stiffness").select(["gravity_moment"]))
 
 
-def as_catalogue(library: str | Path | Catalogue | Sequence[str | Path | Catalogue]) -> Catalogue:
-    """Return one catalogue from a name, a path, a catalogue, or several of these."""
+def as_catalogue(library: Any, part_of: Callable[[Any], Catalogue] | None = None) -> Catalogue:
+    """Return one catalogue from a name, a path, a catalogue, or several of these, or of what ``part_of`` reads."""
     if isinstance(library, Catalogue):
         return library
     if isinstance(library, (str, Path)):
         return load_catalogue(library)
-    parts = [as_catalogue(part) for part in library]
+    parts = [*map(part_of or as_catalogue, library)]
     if not parts:
         raise InputError("an empty list of libraries given; expected at least one name, path or Catalogue")
-    return parts[0].union(*parts[1:]) if len(parts) > 1 else parts[0]
+    return parts[0].union(*parts[1:])
 
 
 def _load(path: Path) -> Catalogue:
@@ -213,10 +213,8 @@ def _load(path: Path) -> Catalogue:
     return Catalogue(name, description, tuple(map(_term, terms)))
 
 
-@cache
-def _read_shipped(path: Path) -> Catalogue:
-    """Return a catalogue that stays as it is."""
-    return _load(path)
+# What ships stays as it is.
+_read_shipped = cache(_load)
 
 
 def _term(located: Located) -> Term:

@@ -12,6 +12,7 @@ nothing else.
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -99,9 +100,14 @@ def formula_text(expression: sympy.Expr, motion: str = "rotation") -> str:
     >>> formula_text(parse_formula("max(abs(theta) - 0.1, 0)*sign(theta)"))
     'sign(theta)*max(0, abs(theta) - 0.1)'
     """
-    from sindyjoint.equation.rendering import text_line
+    from sindyjoint.equation.rendering import FormulaPrinter
 
-    return text_line(expression, motion)
+    if motion == "translation":
+        from sympy import Symbol
+
+        letters = (Symbol(name, real=True) for name in ALIASES)
+        expression = expression.xreplace(dict(zip(variable_symbols(), letters, strict=True)))
+    return FormulaPrinter().doprint(expression)
 
 
 def formula_pretty(expression: sympy.Expr, motion: str = "rotation") -> str:
@@ -112,9 +118,9 @@ def formula_pretty(expression: sympy.Expr, motion: str = "rotation") -> str:
     >>> formula_pretty(parse_formula("theta**2*omega"))
     'θ² θ̇'
     """
-    from sindyjoint.equation.rendering import pretty_line
+    from sindyjoint.equation.rendering import PrettyLine, renamed
 
-    return pretty_line(expression, motion)
+    return unicodedata.normalize("NFC", PrettyLine().doprint(renamed(expression, motion)[0]))
 
 
 def formula_latex(expression: sympy.Expr, motion: str = "rotation") -> str:
@@ -125,9 +131,10 @@ def formula_latex(expression: sympy.Expr, motion: str = "rotation") -> str:
     >>> formula_latex(parse_formula("sign(omega)"))
     '\\operatorname{sign}{\\left(\\dot{\\theta} \\right)}'
     """
-    from sindyjoint.equation.rendering import latex_line
+    from sindyjoint.equation.rendering import LatexLine, renamed
 
-    return latex_line(expression, motion)
+    lettered, names = renamed(expression, motion)
+    return LatexLine({"symbol_names": names}).doprint(lettered)
 
 
 _DEFINITIONS = """
@@ -274,14 +281,14 @@ def coefficient_unit(expression: sympy.Expr, units: Mapping[str, str], motion: s
     given = formula_unit(expression, {**VARIABLE_UNITS[motion], **units})
     wanted = parse_unit(MOMENT_UNITS[motion]) / given
     inertia = parse_unit("N*m*s^2/rad" if motion == "rotation" else "N*s^2/m")
-    if _have_same_dimension(wanted, inertia):
+    if wanted.dimensionality == inertia.dimensionality:
         return "kg*m^2" if motion == "rotation" else "kg"
     return unit_text(wanted)
 
 
 def same_dimension(one: str, other: str) -> bool:
     """Whether two units measure the same kind of quantity, the radian counted as a separate one."""
-    return _have_same_dimension(parse_unit(one), parse_unit(other))
+    return bool(parse_unit(one).dimensionality == parse_unit(other).dimensionality)
 
 
 def to_si(value: float, unit: str) -> float:
@@ -346,11 +353,11 @@ def _unit(expression: Any, units: Mapping[str, Any]) -> Any:
         return one
     angle = unit_registry().Unit("rad")
     plain = argument.dimensionless or (
-        kind in ("sin", "cos", "tan") and _have_same_dimension(argument, angle)
+        kind in ("sin", "cos", "tan") and argument.dimensionality == angle.dimensionality
     )
     if not plain:
         raise UnitError(
-            f"{kind}({_as_text(expression.args[0])}) is given {unit_text(argument)}; expected a plain number: "
+            f"{kind}({formula_text(expression.args[0])}) is given {unit_text(argument)}; expected a plain number: "
             "divide by a parameter of that unit"
         )
     return one
@@ -363,7 +370,7 @@ def _power_unit(base: Any, exponent: Any, units: Mapping[str, Any]) -> Any:
     for part, role in ((unit, "base"), (_unit(exponent, units), "exponent")):
         if not part.dimensionless:
             raise UnitError(
-                f"the {role} of {_as_text(base)}**{_as_text(exponent)} has the unit {unit_text(part)}; "
+                f"the {role} of {formula_text(base)}**{formula_text(exponent)} has the unit {unit_text(part)}; "
                 "with a parameter as exponent both must be plain numbers"
             )
     return unit
@@ -378,20 +385,10 @@ def _common_unit(expression: Any, units: Mapping[str, Any]) -> Any:
         unit = _unit(part, units)
         if first is None:
             first = (part, unit)
-        elif not _have_same_dimension(first[1], unit):
+        elif first[1].dimensionality != unit.dimensionality:
             raise UnitError(
-                f"{_as_text(expression)} combines {_as_text(first[0])} in {unit_text(first[1])} with "
-                f"{_as_text(part)} in {unit_text(unit)}; expected equal units"
+                f"{formula_text(expression)} combines {formula_text(first[0])} in {unit_text(first[1])} with "
+                f"{formula_text(part)} in {unit_text(unit)}; expected equal units"
             )
     assert first is not None
     return first[1]
-
-
-def _have_same_dimension(one: Any, other: Any) -> bool:
-    return bool(one.dimensionality == other.dimensionality)
-
-
-def _as_text(expression: Any) -> str:
-    from sindyjoint.equation.rendering import FormulaPrinter
-
-    return FormulaPrinter().doprint(expression)

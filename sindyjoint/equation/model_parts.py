@@ -70,12 +70,11 @@ class ModelTerm:
     @cached_property
     def expression(self) -> sympy.Expr:
         """The formula with numbers for its nonlinear parameters."""
-        from sympy import Float
-
-        from sindyjoint.equation.formula import parameter_symbol, parse_formula
+        from sindyjoint.equation.formula import parse_formula
+        from sindyjoint.equation.terms import with_numbers
 
         parsed = parse_formula(self.formula, [name for name, _ in self.parameters], self.inputs)
-        return parsed.xreplace({parameter_symbol(name): Float(value, 17) for name, value in self.parameters})
+        return with_numbers(parsed, self.parameters)
 
 
 @dataclass(frozen=True)

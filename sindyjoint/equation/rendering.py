@@ -4,7 +4,6 @@ sympy's printers are imported here at the top; import this module only when some
 """
 
 import re
-import unicodedata
 from typing import Any
 
 from sympy import Symbol
@@ -12,7 +11,7 @@ from sympy.printing.latex import LatexPrinter
 from sympy.printing.precedence import precedence
 from sympy.printing.str import StrPrinter
 
-from sindyjoint.equation.parsing import ALIASES, MOST, variable_symbols
+from sindyjoint.equation.parsing import MOST, variable_symbols
 
 # In this order sympy's alphabetical sorting of factors gives θ before θ̇ (dots are combining characters).
 _NAMES = {
@@ -31,21 +30,15 @@ class FormulaPrinter(StrPrinter):
     def _print_Exp1(self, expr: Any) -> str:
         return "exp(1)"
 
-    def _call(self, name: str, expr: Any) -> str:
+    def _print_Abs(self, expr: Any) -> str:
+        name = type(expr).__name__.lower()
         arguments = [self._print(argument) for argument in expr.args]
         while len(arguments) > MOST["arguments"]:
             first = ", ".join(arguments[: MOST["arguments"]])
             arguments = [f"{name}({first})", *arguments[MOST["arguments"] :]]
         return f"{name}({', '.join(arguments)})"
 
-    def _print_Abs(self, expr: Any) -> str:
-        return self._call("abs", expr)
-
-    def _print_Max(self, expr: Any) -> str:
-        return self._call("max", expr)
-
-    def _print_Min(self, expr: Any) -> str:
-        return self._call("min", expr)
+    _print_Max = _print_Min = _print_Abs
 
     def _print_Heaviside(self, expr: Any) -> str:
         return f"heaviside({self._print(expr.args[0])})"
@@ -56,7 +49,7 @@ def _positive_first(terms: list[Any]) -> list[Any]:
     return sorted(terms, key=lambda term: term.as_coeff_Mul()[0].is_negative is True)
 
 
-class _PrettyLine(FormulaPrinter):
+class PrettyLine(FormulaPrinter):
     """One line for tables and terminals: θ², |θ̇|, sgn."""
 
     def _as_ordered_terms(self, expr: Any, order: Any = None) -> list[Any]:
@@ -81,7 +74,9 @@ class _PrettyLine(FormulaPrinter):
         return re.sub(r"(?<!\*)\*(?!\*)", " ", super()._print_Mul(expr))
 
 
-class _LatexLine(LatexPrinter):
+class LatexLine(LatexPrinter):
+    """LaTeX of a formula: numbers to six digits."""
+
     def _as_ordered_terms(self, expr: Any, order: Any = None) -> list[Any]:
         return _positive_first(super()._as_ordered_terms(expr, order))
 
@@ -95,26 +90,7 @@ class _LatexLine(LatexPrinter):
         return rf"{text}^{{{exp}}}" if exp is not None else text
 
 
-def _renamed(expression: Any, motion: str) -> tuple[Any, dict[Any, str]]:
+def renamed(expression: Any, motion: str) -> tuple[Any, dict[Any, str]]:
     """Return the expression over the letters of the motion, and the LaTeX of those."""
     latex = {Symbol(name, real=True): text for name, text in _NAMES[motion].items()}
     return expression.xreplace(dict(zip(variable_symbols(), latex, strict=True))), latex
-
-
-def text_line(expression: Any, motion: str) -> str:
-    """Return text that reads back; see :func:`sindyjoint.equation.formula.formula_text`."""
-    if motion == "translation":
-        symbols = dict(zip(variable_symbols(), (Symbol(name, real=True) for name in ALIASES), strict=True))
-        expression = expression.xreplace(symbols)
-    return FormulaPrinter().doprint(expression)
-
-
-def pretty_line(expression: Any, motion: str) -> str:
-    """Return a line to read; see :func:`sindyjoint.equation.formula.formula_pretty`."""
-    return unicodedata.normalize("NFC", _PrettyLine().doprint(_renamed(expression, motion)[0]))
-
-
-def latex_line(expression: Any, motion: str) -> str:
-    """Return LaTeX; see :func:`sindyjoint.equation.formula.formula_latex`."""
-    renamed, names = _renamed(expression, motion)
-    return _LatexLine({"symbol_names": names}).doprint(renamed)

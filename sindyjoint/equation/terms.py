@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -196,7 +196,7 @@ class Term:
     @property
     def needs_acceleration(self) -> bool:
         """Whether the formula holds the acceleration."""
-        return _acceleration() in self.expression.free_symbols
+        return formula.variable_symbols()[2] in self.expression.free_symbols
 
     @property
     def symmetry(self) -> Literal["odd", "even", "neither"]:
@@ -254,7 +254,7 @@ class Term:
                 f"expected {', '.join(names) or 'nothing'}"
             )
         numbers = tuple((name, float(values[name])) for name in names)
-        return ResolvedTerm(self, numbers, _substitute_numbers(self.expression, numbers))
+        return ResolvedTerm(self, numbers, with_numbers(self.expression, numbers))
 
 
 @dataclass(frozen=True)
@@ -342,12 +342,8 @@ def input_units(inputs: Sequence[TermInput]) -> dict[str, str]:
 
 
 @lru_cache(maxsize=1024)
-def _substitute_numbers(expression: sympy.Expr, numbers: tuple[tuple[str, float], ...]) -> sympy.Expr:
+def with_numbers(expression: sympy.Expr, numbers: tuple[tuple[str, float], ...]) -> sympy.Expr:
+    """Return an expression with numbers for nonlinear parameters."""
     from sympy import Float
 
     return expression.xreplace({formula.parameter_symbol(name): Float(value, 17) for name, value in numbers})
-
-
-@cache
-def _acceleration() -> sympy.Symbol:
-    return formula.variable_symbols()[2]
