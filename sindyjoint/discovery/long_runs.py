@@ -104,7 +104,11 @@ def pass_over(
 
     terms, done = one_pass(assumed or Reference(1.0, 1.0, 1.0))
     reference = largest(done)
-    if assumed is not None and _exceeds_scale(assumed, reference, as_catalogue(regressor.library)):
+    most = 1 + DISCOVERY.large_part
+    if assumed is not None and any(
+        getattr(reference, name) > most * getattr(assumed, name)
+        for name in relative(as_catalogue(regressor.library))
+    ):
         say("larger values than assumed: once more under their scale")
         terms, done = one_pass(reference)
     return terms, done, reference
@@ -119,12 +123,6 @@ def relative(catalogue: Catalogue) -> set[str]:
     """Return the scales of the data that nonlinear parameters of a catalogue are shares of."""
     named = {parameter.relative_to for term in catalogue for parameter in term.parameters}
     return {scale for scale in named if scale is not None}
-
-
-def _exceeds_scale(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
-    """Return whether values pass the scale of nonlinear parameters by more than they may."""
-    most = 1 + DISCOVERY.large_part
-    return any(getattr(largest, name) > most * getattr(scale, name) for name in relative(catalogue))
 
 
 @dataclass(frozen=True)
@@ -228,7 +226,11 @@ def fit_long(
             segments = [next(results) for _ in tasks[i]]
             runs.append(_gather_long(state, label, segments))
         else:
-            runs.append(_gather_short(state, label, terms, inertia, input_names(regressor.inputs)))
+            rows = regression_rows([state], inertia)
+            group, run = (np.full(rows.y.size, name, dtype=object) for name in (label, state.run))
+            whole, known = Rows(rows.X, rows.y), known_labels(group, run, rows.blocks)
+            replicate = whole.again(rows.X_replicate, rows.y_replicate)
+            runs += gather(terms, whole, known, replicate, input_names(regressor.inputs)).runs
     evidence = Evidence(tuple(term.id for term in terms), tuple(runs), hierarchy(terms))
     short = [state for i, state in enumerate(states) if i not in tasks]
     counts = (
@@ -280,17 +282,3 @@ def _gather_long(state: ForceStates, label: str, segments: Sequence[Segment]) ->
         )
     factors = tuple(factor for s in segments for factor in s.factors)
     return RunEvidence(state.run, label, merge(factors), factors)
-
-
-def _gather_short(
-    state: ForceStates,
-    label: str,
-    terms: Sequence[ResolvedTerm],
-    inertia: float | None,
-    inputs: Sequence[str] = (),
-) -> RunEvidence:
-    rows = regression_rows([state], inertia)
-    group, run = (np.full(rows.y.size, name, dtype=object) for name in (label, state.run))
-    labels = known_labels(group, run, rows.blocks)
-    whole = Rows(rows.X, rows.y)
-    return gather(terms, whole, labels, whole.again(rows.X_replicate, rows.y_replicate), inputs).runs[0]

@@ -81,27 +81,20 @@ def _pysindy_sr3(threshold: float) -> Any:
 
 
 def _ensemble(asked: Asked) -> Path:
-    """EnsembleOptimizer of pysindy: STLSQ fits, median of the coefficients, over resampled blocks rather than rows."""
-    from pysindy.optimizers import EnsembleOptimizer
+    """As EnsembleOptimizer of pysindy: STLSQ fits, median of the coefficients, over resampled blocks rather than rows.
 
+    That one draws single rows from the global generator.
+    """
     # As many replicates as pysindy's default.
     resampled = [_resampled_blocks(asked) for _ in range(20)]
 
-    class BlockEnsemble(EnsembleOptimizer):
-        """The ensemble with its resampling handed in: the base class draws single rows from the global generator."""
-
-        def _reduce(self, x: Any, y: Any) -> None:
-            for factor in resampled:
-                optimiser = _pysindy_stlsq(self.opt.threshold)
-                optimiser.fit(factor.triangle[:, :-1], factor.triangle[:, -1:])
-                self.coef_list.append(optimiser.coef_)
-            self.coef_ = np.median(self.coef_list, axis=0)
-
-    def build(threshold: float) -> Any:
-        return BlockEnsemble(_pysindy_stlsq(threshold), bagging=True, n_models=len(resampled))
+    def median(threshold: float) -> Any:
+        triangles = (factor.triangle for factor in resampled)
+        fits = [_pysindy_stlsq(threshold).fit(each[:, :-1], each[:, -1:]).coef_ for each in triangles]
+        return np.median(fits, axis=0)
 
     # A resampled fit costs as many fits as there are replicates: coarser steps.
-    return _threshold_path(asked, build, np.geomspace(2e-3, 0.5, 12))
+    return _threshold_path(asked, median, np.geomspace(2e-3, 0.5, 12))
 
 
 def _lasso_lars(asked: Asked) -> Path:
@@ -128,8 +121,10 @@ METHODS: dict[str, Method] = {
     "best_subset": _best_subset,
     # Backward elimination: the term whose removal costs least goes, and does not come back.
     "backward": lambda asked: elimination_path(asked.factor, asked.forced, asked.evidence.parents, 0),
-    "coefficient_stlsq": lambda asked: _threshold_path(asked, _pysindy_stlsq),
-    "sr3": lambda asked: _threshold_path(asked, _pysindy_sr3),
+    "coefficient_stlsq": lambda asked: _threshold_path(
+        asked, lambda t: _pysindy_stlsq(t).fit(*asked.problem).coef_
+    ),
+    "sr3": lambda asked: _threshold_path(asked, lambda t: _pysindy_sr3(t).fit(*asked.problem).coef_),
     # SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time.
     "ssr": lambda asked: [
         asked.all_columns,
@@ -291,17 +286,15 @@ def _quiet(fit: Callable[[], Any]) -> Any:
         return fit()
 
 
-def _threshold_path(asked: Asked, build: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
-    """Return the sets at all thresholds of a method that keeps no more at a larger one, by halving.
+def _threshold_path(asked: Asked, fitted: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
+    """Return the sets at all thresholds of coefficients of which no more are kept at a larger one, by halving.
 
     Where two thresholds keep the same columns, so do those between them, which are not tried.
     """
 
     @cache
     def at(place: int) -> tuple[int, ...]:
-        optimiser = build(float(thresholds[place]))
-        _quiet(lambda: optimiser.fit(*asked.problem))
-        return _nonzero(optimiser.coef_, asked)
+        return _nonzero(_quiet(lambda: fitted(float(thresholds[place]))), asked)
 
     def between(low: int, high: int) -> Path:
         if at(low) == at(high) or high - low < 2:

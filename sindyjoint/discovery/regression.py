@@ -308,11 +308,7 @@ class TermRegression(SelectionRules):
         """Take what the fixed terms carry out of the target, and remember their share of it."""
         self._fixed_share: dict[str, float] = {}
         for term_id, value in (self.fixed or {}).items():
-            if term_id not in evidence.ids:
-                raise UnknownNameError(
-                    f"fixed names {term_id!r}, which is not among the candidates: {', '.join(evidence.ids)}"
-                )
-            rms = evidence.pooled.column_rms[evidence.ids.index(term_id)]
+            rms = evidence.pooled.column_rms[_index(evidence, "fixed", term_id)]
             self._fixed_share[term_id] = abs(value) * rms / evidence.target_rms
         return evidence.fixing(self.fixed) if self.fixed else evidence
 

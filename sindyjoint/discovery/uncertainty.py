@@ -8,9 +8,11 @@ what a repeated test would draw again. Score bootstrap: Kline and Santos, Journa
 weights of runs: Rubin, The Bayesian bootstrap, Annals of Statistics 9(1), 1981.
 """
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -82,12 +84,8 @@ def inclusion(
 
     subsets = replicate_subsets(triangles, min(DISCOVERY.largest_set, p))
     chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, (significance, least_share))
-    sets: dict[tuple[str, ...], int] = {}
-    for row in chosen:
-        key = tuple(name for name, kept in zip(evidence.ids, row, strict=True) if kept)
-        sets[key] = sets.get(key, 0) + 1
-    ranked = sorted(sets.items(), key=lambda item: -item[1])
-    return chosen.mean(axis=0), tuple((s, n / replicates) for s, n in ranked)
+    sets = Counter(tuple(compress(evidence.ids, row)) for row in chosen)
+    return chosen.mean(axis=0), tuple((s, n / replicates) for s, n in sets.most_common())
 
 
 def inseparable(evidence: Evidence, columns: Sequence[int]) -> tuple[Inseparable, ...]:

@@ -90,15 +90,14 @@ class Style:
 def numbered(elements: Sequence[JointElement]) -> list[dict[str, str]]:
     """Return how the states of each element are written where several elements stand side by side: z1, z2."""
     count = Counter(state.name for element in elements for state in element.states)
-    seen: Counter[str] = Counter()
-    result = []
-    for element in elements:
-        names = {}
-        for state in element.states:
-            seen[state.name] += 1
-            names[state.name] = f"{state.name}{seen[state.name]}" if count[state.name] > 1 else state.name
-        result.append(names)
-    return result
+    following = {name: iter(range(1, n + 1)) for name, n in count.items()}
+    return [
+        {
+            s.name: f"{s.name}{next(following[s.name])}" if count[s.name] > 1 else s.name
+            for s in element.states
+        }
+        for element in elements
+    ]
 
 
 def renamed(

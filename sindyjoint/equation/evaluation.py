@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -218,10 +218,7 @@ class _Program:
         return self._operation(name, self.register(expression.args[0]))
 
     def _fold(self, name: str, registers: list[Register]) -> Register:
-        result = registers[0]
-        for register in registers[1:]:
-            result = self._operation(name, result, register)
-        return result
+        return reduce(lambda result, register: self._operation(name, result, register), registers)
 
     def _sum(self, terms: Sequence[Any]) -> Register:
         negative = [term for term in terms if term.as_coeff_Mul()[0].is_negative]

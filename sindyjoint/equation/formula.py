@@ -11,6 +11,7 @@ nothing else.
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
@@ -215,15 +216,15 @@ def _powers(unit: Any) -> dict[str, float]:
 
 
 def _written(powers: Mapping[str, float]) -> str:
-    above: list[str] = []
-    below: list[str] = []
-    for name in sorted(
-        powers, key=lambda name: (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
-    ):
-        power = powers[name]
-        text = name if abs(power) == 1 else f"{name}^{abs(power):g}"
-        if power:
-            (above if power > 0 else below).append(text)
+    ordered = sorted(powers, key=lambda name: (_ORDER.index(name) if name in _ORDER else len(_ORDER), name))
+    above, below = (
+        [
+            name if abs(powers[name]) == 1 else f"{name}^{abs(powers[name]):g}"
+            for name in ordered
+            if sign * powers[name] > 0
+        ]
+        for sign in (1, -1)
+    )
     top = "*".join(above) or "1"
     if not below:
         return top
@@ -336,10 +337,7 @@ def _unit(expression: Any, units: Mapping[str, Any]) -> Any:
     if expression.is_number:
         return one
     if expression.is_Mul:
-        unit = one
-        for factor in expression.args:
-            unit = unit * _unit(factor, units)
-        return unit
+        return math.prod((_unit(factor, units) for factor in expression.args), start=one)
     if expression.is_Pow:
         base, exponent = expression.args
         return _power_unit(base, exponent, units)

@@ -277,26 +277,19 @@ def channel_noise(run: Run) -> ChannelNoise:
     """Return the noise of a run's channels; a diagnosis asks for the states of the same run many times."""
     if run in _made_of:
         return channel_noise(_made_of[run])
-    return _measured_noise(run) if run.fusion is None else _fused_noise(run)
-
-
-def interpolated(run: Run, of: Run) -> Run:
-    """Return a run whose channels were interpolated, with the noise of the one that was measured."""
-    _made_of[run] = of
-    return run
-
-
-def _measured_noise(run: Run) -> ChannelNoise:
     sample_rate, declared = run.sample_rate, run.noise
+    if run.fusion is not None:
+        # Where the noise of the angle falls with the fourth power of frequency, the sensors show where they end.
+        sensors = [each for each in (run.fusion.acceleration, run.fusion.angle) if each is not None]
+        end = max((signal_end(each, sample_rate) for each in sensors), key=lambda each: each.bandwidth)
+        return ChannelNoise(end, *moment_noise(run.moment, sample_rate, declared.moment), 0.0, True)
     filtered_angle = noise_before_filter(run.angle, run.moment, sample_rate)
     filtered_moment = noise_before_filter(run.moment, run.angle, sample_rate)
     shared = coherent_to_the_top(run.angle, run.moment, sample_rate)
-    angle, angle_known = motion_noise(run.angle, sample_rate, declared.angle)
-    if declared.angle is None and filtered_angle is not None:
-        angle, angle_known = filtered_angle, True
-    moment, moment_known = moment_noise(run.moment, sample_rate, declared.moment)
-    if declared.moment is None and filtered_moment is not None:
-        moment, moment_known = filtered_moment, True
+    of_angle = filtered_angle if declared.angle is None else declared.angle
+    of_moment = filtered_moment if declared.moment is None else declared.moment
+    angle, angle_known = motion_noise(run.angle, sample_rate, of_angle)
+    moment, moment_known = moment_noise(run.moment, sample_rate, of_moment)
     rate, rate_known = (0.0, True) if run.rate is None else motion_noise(run.rate, sample_rate, declared.rate)
     return ChannelNoise(
         end=signal_end(run.angle, sample_rate, filtered_angle),
@@ -310,9 +303,7 @@ def _measured_noise(run: Run) -> ChannelNoise:
     )
 
 
-def _fused_noise(run: Run) -> ChannelNoise:
-    """Where the noise of the angle falls with the fourth power of frequency, the sensors show where they end."""
-    assert run.fusion is not None
-    sensors = [each for each in (run.fusion.acceleration, run.fusion.angle) if each is not None]
-    end = max((signal_end(each, run.sample_rate) for each in sensors), key=lambda each: each.bandwidth)
-    return ChannelNoise(end, *moment_noise(run.moment, run.sample_rate, run.noise.moment), 0.0, True)
+def interpolated(run: Run, of: Run) -> Run:
+    """Return a run whose channels were interpolated, with the noise of the one that was measured."""
+    _made_of[run] = of
+    return run

@@ -253,31 +253,25 @@ def repeats(run: Run) -> bool:
     """
     frequency = run.frequency if run.frequency is not None else estimate_frequency(run)
     per = run.sample_rate / frequency
-    if per < 10 or run.n_samples < (STATES.fewest + 0.5) * per:
-        return False
-    if not _driven_at(run, frequency):
+    if per < 10 or run.n_samples < (STATES.fewest + 0.5) * per or not _driven_at(run, frequency):
         return False
     late = run.angle[run.n_samples // 3 :]
-    grid = np.arange(late.size)
     usable = int(late.size - np.ceil(per))
-    if usable < per:
-        return False
-    shifted = np.interp(grid[:usable] + per, grid, late)
-    change = shifted - late[:usable]
     spread = float(np.std(late))
-    if spread == 0 or np.sqrt(np.mean(change**2)) > STATES.large_part * np.sqrt(2) * spread:
+    if usable < per or spread == 0:
         return False
+
+    def alike(lag: float) -> bool:
+        grid = np.arange(late.size)
+        count = int(late.size - np.ceil(lag))
+        change = np.interp(grid[:count] + lag, grid, late) - late[:count]
+        return bool(np.sqrt(np.mean(change**2)) <= STATES.large_part * np.sqrt(2) * spread)
+
     if run.frequency is not None:
-        return True
+        return alike(per)
     # Undeclared: a slow decay repeats from one period to the next; it must also repeat across the record.
     lag = int(usable / per / 2) * per
-    if lag < 2 * per:
-        return False
-    far = (
-        np.interp(grid[: int(late.size - np.ceil(lag))] + lag, grid, late)
-        - late[: int(late.size - np.ceil(lag))]
-    )
-    return bool(np.sqrt(np.mean(far**2)) <= STATES.large_part * np.sqrt(2) * spread)
+    return lag >= 2 * per and alike(per) and alike(lag)
 
 
 def _driven_at(run: Run, frequency: float) -> bool:

@@ -9,7 +9,6 @@ from sindyjoint.measurement import WIDEST, channel_noise
 from sindyjoint.measurement.runs import white_noise
 from sindyjoint.numeric import Array, convolve, filtered_inputs, smoothing_kernels
 from sindyjoint.record import Run
-from sindyjoint.rig import Fusion
 from sindyjoint.states.record import ForceStates, NoiseFloor, moving_mask, rate_limit, within
 
 BLOCKS = 32
@@ -193,8 +192,14 @@ def _noise_floor(run: Run, kernels: tuple[Array, Array, Array]) -> NoiseFloor:
     """Return the noise of the moment and of what the kernels make of the angle's, or of the measured rate's."""
     of = channel_noise(run)
     if run.fusion is not None:
-        motion = _fused_noise_floor(run.fusion, run.sample_rate, max(run.n_samples, kernels[0].size), kernels)
-        return NoiseFloor(of.moment, *motion, measured=of.moment_known)
+        # That of the sensors, weighed by frequency, after the kernels.
+        size = max(run.n_samples, kernels[0].size)
+        density = run.fusion.white_noise(np.fft.rfftfreq(size, 1 / run.sample_rate)[1:], run.sample_rate)
+        responses = (np.ones(1), *(np.abs(np.fft.rfft(kernel, size))[1:] for kernel in kernels[1:]))
+        angle, rate, acceleration = (
+            float(np.sqrt(np.mean((density * response) ** 2))) for response in responses
+        )
+        return NoiseFloor(of.moment, angle, rate, acceleration, measured=of.moment_known)
     low, first, second = (float(np.linalg.norm(kernel)) for kernel in kernels)
     if run.rate is None:
         rate, acceleration = of.angle * first, of.angle * second
@@ -204,19 +209,6 @@ def _noise_floor(run: Run, kernels: tuple[Array, Array, Array]) -> NoiseFloor:
     return NoiseFloor(
         of.moment, of.angle, rate, acceleration, of.moment_known, motion_measured=known, source=of.source
     )
-
-
-def _fused_noise_floor(
-    fusion: Fusion, sample_rate: float, size: int, kernels: tuple[Array, Array, Array]
-) -> tuple[float, float, float]:
-    """Return the noise of angle, rate, acceleration: that of the sensors, weighed by frequency, after the kernels."""
-    frequency = np.fft.rfftfreq(size, 1 / sample_rate)[1:]
-    density = fusion.white_noise(frequency, sample_rate)
-    of_kernels = [np.abs(np.fft.rfft(kernel, size))[1:] for kernel in kernels[1:]]
-    angle, rate, acceleration = (
-        float(np.sqrt(np.mean((density * response) ** 2))) for response in (np.ones(1), *of_kernels)
-    )
-    return angle, rate, acceleration
 
 
 def _lead(angle: Array, low: Array, first: Array) -> tuple[Array, Array]:

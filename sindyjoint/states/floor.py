@@ -8,10 +8,10 @@ sinusoid, the periods of a multisine, they are averaged into one.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.limits import STATES
 from sindyjoint.numeric import Array, convolve, main_frequency, scaled_least_squares, smoothing_kernels
@@ -87,15 +87,15 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
     angle = stacks["angle"]
     away = np.sqrt(np.mean((angle[:-1] - angle[-1]) ** 2, axis=1))
     skipped = 1 if count > STATES.fewest - 1 and away[0] > STATES.clearly * np.median(away[1:]) else 0
-    valid: NDArray[np.bool_] | None = None
-    if run.valid is None:
-        mean = {name: stack[skipped:].mean(axis=0) for name, stack in stacks.items()}
-    else:
+    valid, weight = None, None
+    if run.valid is not None:
         weight = run.valid[: count * period].reshape(count, period)[skipped:].astype(float)
         valid = np.asarray(weight.any(axis=0))
         # An instant that is valid in no period keeps what was interpolated.
         weight[:, ~valid] = 1.0
-        mean = {name: np.average(stack[skipped:], axis=0, weights=weight) for name, stack in stacks.items()}
+    mean: dict[str, Any] = {
+        name: np.average(stack[skipped:], axis=0, weights=weight) for name, stack in stacks.items()
+    }
     # An input that changes from period to period is no part of what repeats: its mean over them is.
     inputs = {
         name: values[: count * period].reshape(count, period)[skipped:].mean(axis=0)

@@ -174,13 +174,8 @@ def significant_harmonics(amplitude: Array, standard_error: Array) -> NDArray[np
     """
     keep = amplitude > STATES.harmonic_significance * standard_error
     keep[0] = True
-    missed = 0
-    for index, kept in enumerate(keep):
-        missed = 0 if kept else missed + 1
-        if missed == STATES.harmonic_misses:
-            keep[index:] = False
-            break
-    return keep
+    missed = np.convolve(~keep, np.ones(STATES.harmonic_misses))[: keep.size]
+    return keep & ~np.logical_or.accumulate(missed == STATES.harmonic_misses)
 
 
 def refine_frequency(signal: Array, sample_rate: float, frequency: float, order: int = 1) -> float:

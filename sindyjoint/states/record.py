@@ -263,7 +263,7 @@ def regression_rows(
     >>> sindyjoint.JointRegressor("paper").fit(**rows.fit_arguments()).selected_
     ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
     """
-    X, y, X_other, y_other, groups, runs, blocks = [], [], [], [], [], [], []
+    parts = []
     for state, label in zip(states, group_labels(states), strict=True):
         keep = state.moving
         motion = [s[keep] for s in (state.angle, state.rate, state.acceleration)]
@@ -271,23 +271,21 @@ def regression_rows(
         moment = state.moment[keep]
         columns = 3 if inertia is None else 2
         inputs = [values[keep] for values in state.inputs.values()] if with_inputs else []
-        X.append(np.column_stack([*motion[:columns], *inputs]))
-        X_other.append(np.column_stack([*other[:columns], *inputs]))
-        y.append(moment - (inertia or 0.0) * motion[2])
-        y_other.append(moment - (inertia or 0.0) * other[2])
-        groups.append(np.full(moment.size, label, dtype=object))
-        runs.append(np.full(moment.size, state.run, dtype=object))
-        blocks.append(state.block[keep])
+        size = np.count_nonzero(keep)
+        parts.append(
+            (
+                np.column_stack([*motion[:columns], *inputs]),
+                moment - (inertia or 0.0) * motion[2],
+                np.full(size, label, dtype=object),
+                np.full(size, state.run, dtype=object),
+                state.block[keep],
+                np.column_stack([*other[:columns], *inputs]),
+                moment - (inertia or 0.0) * other[2],
+            )
+        )
+    X, y, groups, runs, *rest = (np.concatenate(column) for column in zip(*parts, strict=True))
     single = len(states) == 1
-    return RegressionRows(
-        np.vstack(X),
-        np.concatenate(y),
-        None if single else np.concatenate(groups),
-        None if single else np.concatenate(runs),
-        np.concatenate(blocks),
-        np.vstack(X_other),
-        np.concatenate(y_other),
-    )
+    return RegressionRows(X, y, None if single else groups, None if single else runs, *rest)
 
 
 def rate_limit(rate: Array, noise: float, share: float) -> float:
