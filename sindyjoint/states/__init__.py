@@ -124,8 +124,8 @@ def force_states(
     bandwidth : float, optional
         Highest frequency kept in the angle, Hz. Default: where the angle falls to its noise.
     rate_share : float
-        Share of the peak rate below which a sample counts as reversal, not as motion. Default: 0.05 periodic,
-        0.02 broadband, 0.1 where the joint of a broadband run sticks.
+        Share of the peak rate below which a sample of a periodic run counts as reversal, not as motion. Default: 0.05.
+        It is 0.02 of a broadband run, and 0.1 where its joint sticks.
 
     Raises
     ------
@@ -167,9 +167,9 @@ def _make_states(run: Run, method: Choice, bandwidth: float | None, rate_share: 
             run = replace(run, frequency=estimate_frequency(run))
         states = periodic_states(run, bandwidth, rate_share)
     elif method == "auto" and (period := repetition(run)) is not None:
-        states = _average_periods(run, period, bandwidth, rate_share)
+        states = _average_periods(run, period, bandwidth)
     else:
-        states = broadband_states(run, bandwidth, rate_share)
+        states = broadband_states(run, bandwidth)
     count = int(np.count_nonzero(states.moving))
     # Pure noise exceeds four of its standard errors now and then.
     if count < MINIMUM_SAMPLES:
@@ -183,13 +183,13 @@ def _make_states(run: Run, method: Choice, bandwidth: float | None, rate_share: 
     return states
 
 
-def _average_periods(run: Run, period: int, bandwidth: float | None, rate_share: float | None) -> ForceStates:
+def _average_periods(run: Run, period: int, bandwidth: float | None) -> ForceStates:
     """Return the broadband states of a run's mean period, timed from the start of the averaged periods.
 
     The noise of the mean moment is that of the periods about it, over the root of their number.
     """
     mean, first = mean_period(run, period)
-    states = broadband_states(mean, bandwidth, rate_share, repeated=True)
+    states = broadband_states(mean, bandwidth, repeated=True)
     start = first / run.sample_rate
     noise = states.noise
     if run.noise.moment is None:

@@ -35,9 +35,7 @@ def _measure_reversal_spacing(rate: Array) -> float:
     return float(np.median(np.diff(change))) if change.size > 1 else float(rate.size)
 
 
-def broadband_states(
-    run: Run, bandwidth: float | None = None, rate_share: float | None = None, repeated: bool = False
-) -> ForceStates:
+def broadband_states(run: Run, bandwidth: float | None = None, repeated: bool = False) -> ForceStates:
     """Return the force states of a run that does not repeat.
 
     Angle, rate and acceleration are convolutions of the measured angle (or, for the last two, of the measured
@@ -49,9 +47,6 @@ def broadband_states(
     bandwidth : float, optional
         Cut-off of the kernel, Hz. Default: where the angle falls to its noise, or a fifth above where it does not
         fade but ends there, so that the kernel passes its last lines.
-    rate_share : float
-        Share of the peak rate below which samples count as reversal. Default: 0.02,
-        or 0.1 where the joint sticks.
     repeated : bool
         The run is one period of a motion that repeats: its end is followed by its beginning, and nothing is dropped.
 
@@ -71,7 +66,7 @@ def broadband_states(
         if sticks
         else (STATES.passing_rate_share, STATES.passing_guard)
     )
-    slowest = rate_limit(rate, noise.rate, share if rate_share is None else rate_share)
+    slowest = rate_limit(rate, noise.rate, share)
     # Which way the joint is about to go is known from its first motion on.
     begin = int(np.argmax(np.abs(rate) > slowest)) if released else edge
     if released:
