@@ -165,6 +165,17 @@ def list_some(names: Sequence[str], what: str = "runs") -> str:
     return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more {what}"
 
 
+def list_all(names: Sequence[str]) -> str:
+    """Return all names, the last one after *and*.
+
+    Examples
+    --------
+    >>> list_all(["a", "b", "c"])
+    'a, b and c'
+    """
+    return " and ".join([", ".join(names[:-1]), *names[-1:]]).removeprefix(" and ")
+
+
 def rounded(value: float, error: float) -> str:
     """Return ``value ± error``, the error to one digit (two if it begins with 1), the value to the same digit.
 

@@ -17,6 +17,8 @@ EXPORT = (
     "sindyjoint export RESULTS --to python --out joint",
     "use the model in other programs; sindyjoint export --help lists them",
 )
+LACKING = ("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks")
+TELL_ALIKE = "tell terms apart that are alike on these runs"
 
 # What runs recovered inside a structure say: their laws are compared by none of the verbs.
 RECOVERED = (
@@ -65,27 +67,33 @@ def is_of_the_paper(joint: str) -> bool:
 def next_steps(lights: Sequence[Light], tested: Excitations, found: bool) -> tuple[tuple[str, str], ...]:
     """Return what to do, for each light that is not good in the order in which one depends on the other."""
     weak = {light.name for light in lights if light.colour != "good"}
-    steps = []
-    if "data" in weak:
-        steps.append(SEE_FAULTS)
-    if not found:
-        steps.append(
-            ("record runs that move the joint more", "find its law")
-            if tested.recovered
-            else ("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model")
-        )
-        return tuple(steps)
-    if any(light.inertia is not None for light in lights):
-        steps.append(("sindyjoint check CAMPAIGN", "find runs in other units, delays and wrong rates"))
-    if "explained" in weak:
-        steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks"))
-    if "predicts" in weak and tested.runs > 1 and not tested.recovered:
-        steps.append(("sindyjoint compare CAMPAIGN", "see which terms hold at every frequency and method"))
-    if "determined" in weak or ("predicts" in weak and tested.runs == 1):
-        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
-    if not weak:
-        steps += [VERIFY, EXPORT]
+    impossible = any(light.inertia is not None for light in lights)
+    comparable = "predicts" in weak and tested.runs > 1 and not tested.recovered
+    alike = "determined" in weak or ("predicts" in weak and tested.runs == 1)
+    other = ("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model")
+    steps = steps_of(
+        ("data" in weak, SEE_FAULTS),
+        (not found and tested.recovered, ("record runs that move the joint more", "find its law")),
+        (not found and not tested.recovered, other),
+        (
+            found and impossible,
+            ("sindyjoint check CAMPAIGN", "find runs in other units, delays and wrong rates"),
+        ),
+        (found and "explained" in weak, LACKING),
+        (
+            found and comparable,
+            ("sindyjoint compare CAMPAIGN", "see which terms hold at every frequency and method"),
+        ),
+        (found and alike, (advise_runs(tested), TELL_ALIKE)),
+        (found and not weak, VERIFY),
+        (found and not weak, EXPORT),
+    )
     return tuple(steps[:2])
+
+
+def steps_of(*cases: tuple[object, tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return the steps of the cases that are there, in their order."""
+    return [step for there, step in cases if there]
 
 
 def advise_runs(tested: Excitations) -> str:

@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.uncertainty import CrossValidation
+from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement import is_of_the_paper
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -30,6 +31,11 @@ class ChosenTerm:
     coefficient: float
     standard_error: Maybe
     interval95: tuple[Maybe, Maybe]
+
+    @classmethod
+    def of(cls, model: JointModel) -> "tuple[ChosenTerm, ...]":
+        """Return the terms of a model."""
+        return tuple(cls(t.id, t.coefficient, t.standard_error, t.interval95) for t in model.terms)
 
 
 @dataclass(frozen=True)

@@ -286,10 +286,7 @@ def refined(result: Discovery, nuisance: Sequence[Kind] = (), **options: object)
     refined_model, lost = refinement.model, list[str]()
     if refinement.refined:
         estimated, lost = estimated_errors(refinement, result.states)
-        measured = result.measured or result.campaign
-        known = result.model.test or TestNuisances(content_hash(measured), measured.joint.name)
-        test = replace(known, nuisances=(*known.nuisances, *estimated))
-        refined_model = replace(refined_model, test=test or None)
+        refined_model = with_errors(refined_model, estimated, result.measured or result.campaign)
         plain = replace(refined_model, fitted=replace(refined_model.fitted, gains={}))
         refined_model = with_gain_uncertainty(plain, result.campaign.gain_uncertainty)
     return replace(
@@ -318,19 +315,23 @@ def estimated_errors(result: Refinement, states: Sequence[ForceStates]) -> tuple
     return found, lost
 
 
+def with_errors(model: JointModel, estimated: Sequence[Nuisance], measured: Campaign) -> JointModel:
+    """Return a model whose record of its test holds further errors of channels of that campaign."""
+    known = model.test or TestNuisances(content_hash(measured), measured.joint.name)
+    test = replace(known, nuisances=(*known.nuisances, *estimated))
+    return replace(model, test=test or None)
+
+
 def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, ...]:
     """Return a warning for terms that regression and simulation give values that their errors do not reconcile."""
-    apart = []
-    for term in after.terms:
-        if term.id not in before:
-            continue
-        other = before[term.id]
-        error = float(np.hypot(term.standard_error, other.standard_error))
-        if abs(term.coefficient - other.coefficient) > JUDGEMENT.significant * error:
-            apart.append(
-                f"{spelled(term.id)} ({other.coefficient:.4g} ± {other.standard_error:.2g} by regression, "
-                f"{term.coefficient:.4g} ± {term.standard_error:.2g} on the response)"
-            )
+    pairs = ((term, before[term.id]) for term in after.terms if term.id in before)
+    apart = [
+        f"{spelled(term.id)} ({other.coefficient:.4g} ± {other.standard_error:.2g} by regression, "
+        f"{term.coefficient:.4g} ± {term.standard_error:.2g} on the response)"
+        for term, other in pairs
+        if abs(term.coefficient - other.coefficient)
+        > JUDGEMENT.significant * float(np.hypot(term.standard_error, other.standard_error))
+    ]
     if not apart:
         return ()
     return (

@@ -9,17 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 from sindyjoint.judgement import (
     EXPORT,
+    LACKING,
     SEE_FAULTS,
+    TELL_ALIKE,
     VERIFY,
     Excitations,
     advise_runs,
+    steps_of,
 )
-from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
+from sindyjoint.judgement.trust import colour_of_misfit, colour_of_size, judge_coverage, judge_soundness
 from sindyjoint.limits import JUDGEMENT
 from sindyjoint.soundness import Soundness
 from sindyjoint.soundness.check import Check
 from sindyjoint.text import list_some, percent, quantities, spelled
-from sindyjoint.trust import ANSWERS, ORDER, Colour, Light, Trust
+from sindyjoint.trust import ANSWERS, ORDER, Colour, Light, Trust, doubt
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.result import Diagnosis
@@ -32,7 +35,6 @@ OWN_EFFECTS = (
     "sindyjoint libraries copy effects/friction effects.toml",
     "write effects of your own into the copy, and try them: sindyjoint diagnose CAMPAIGN --library effects.toml",
 )
-LACKING = ("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks")
 # A step more than these is a list, not an advice.
 MOST_STEPS = 2
 NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown": "poor"}
@@ -49,13 +51,11 @@ def judge_check(check: Check[Any]) -> Trust:
         Light("faults", "poor" if soundness.stopping else "fair", f"{_named(stops, check.motion)}{accepted}")
         if stops
         else Light("faults", "good", "nothing found that stands against a model"),
-        Light(
+        doubt(
             "bias",
-            "fair",
-            f"{_named(biases, check.motion)}{'; the samples are left out' if left_out else ''}",
-        )
-        if biases
-        else Light("bias", "good", "nothing found that shifts a coefficient"),
+            f"{_named(biases, check.motion)}{'; the samples are left out' * (left_out and bool(biases))}",
+            "nothing found that shifts a coefficient",
+        ),
         judge_coverage([run.frequency for run in runs], [run.level for run in runs]),
     )
     accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))
@@ -71,7 +71,7 @@ def judge_check(check: Check[Any]) -> Trust:
     ]
     if lights[-1].colour != "good":
         advised = advise_runs(Excitations.of(check.measured))
-        steps.append((advised, "tell terms apart that are alike on these runs"))
+        steps.append((advised, TELL_ALIKE))
     return Trust(lights, tuple(steps[:MOST_STEPS]))
 
 
@@ -95,41 +95,28 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         # In a structure there is an entry for each sensor of a run.
         cut = ", " if result.kind == "rig" else "\n"
         words = seen_words({run.name.rsplit(cut, 1)[0]: run.seen for run in result.runs})
-        own.append(
-            Light("held out", "fair", "; ".join(words))
-            if words
-            else Light("held out", "good", "no fit of the model has seen the runs that are compared")
-        )
+        fine = "no fit of the model has seen the runs that are compared"
+        own.append(doubt("held out", "; ".join(words), fine))
+    beyond = list_some(result.beyond_range)
     own.append(
-        Light("range", "fair", f"beyond what was tested: {list_some(result.beyond_range)}")
-        if result.beyond_range
-        else Light("range", "good", "within what the model was tested to")
+        doubt("range", beyond and f"beyond what was tested: {beyond}", "within what the model was tested to")
     )
     if result.trust is not None:
         lights, question = result.trust.lights, tuple(own)
     else:
         names = {"response": "explained", "held out": "predicts", "range": "determined"}
-        data = [] if soundness is None else [judge_soundness(soundness, simulated, result.model.joint.motion)]
+        data = _of_data(soundness, simulated, result.model.joint.motion)
         lights, question = (*data, *(replace(light, name=names[light.name]) for light in own)), ()
     weak = Trust(lights, (), question).weak
-    steps = [SEE_FAULTS] if "data" in weak else []
-    if not result.passed:
-        subject = "CAMPAIGN" if result.kind == "campaign" else "RIG"
-        steps.append((f"sindyjoint diagnose {subject} --model MODEL", "find and name what the model lacks"))
-    if any(run.seen is not False for run in result.runs) and weak & {"held out", "predicts"}:
-        steps.append(
-            (
-                f'write use = "validate" to a run in {result.kind}.toml',
-                "compare with a run that was not fitted to",
-            )
-        )
-    if result.beyond_range:
-        steps.append(
-            (
-                f"record runs that go as far as {list_some(result.beyond_range)}",
-                "fit the model where it is used",
-            )
-        )
+    subject = "CAMPAIGN" if result.kind == "campaign" else "RIG"
+    seen = any(run.seen is not False for run in result.runs) and weak & {"held out", "predicts"}
+    keep = f'write use = "validate" to a run in {result.kind}.toml'
+    steps = steps_of(
+        ("data" in weak, SEE_FAULTS),
+        (not result.passed, (f"sindyjoint diagnose {subject} --model MODEL", LACKING[1])),
+        (seen, (keep, "compare with a run that was not fitted to")),
+        (beyond, (f"record runs that go as far as {beyond}", "fit the model where it is used")),
+    )
     return Trust(
         lights, tuple((steps or [(EXPORT[0].replace("RESULTS", "MODEL"), EXPORT[1])])[:MOST_STEPS]), question
     )
@@ -156,11 +143,7 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Trust:
     if result.trust is not None:
         lights, question = result.trust.lights, tuple(own)
     else:
-        data = (
-            []
-            if result.soundness is None
-            else [judge_soundness(result.soundness, simulated, result.model.joint.motion)]
-        )
+        data = _of_data(result.soundness, simulated, result.model.joint.motion)
         worst = max(own[:-1] or own, key=lambda light: ORDER.index(light.colour))
         known = f"{ANSWERS[worst.colour].lower()}: see the gap of the {worst.name}"
         lights, question = (*data, Light("explained", worst.colour, known)), tuple(own)
@@ -172,8 +155,7 @@ def _gap(name: str, what: str, after: float, floor: float, unsure: float) -> Lig
     if not math.isfinite(after):
         return Light(name, "poor", f"{what}: could not be simulated")
     if not math.isfinite(floor):
-        colour: Colour = "fair" if after <= JUDGEMENT.large_part else "poor"
-        return Light(name, colour, f"{what}; its noise is unknown")
+        return Light(name, colour_of_size(after), f"{what}; its noise is unknown")
     sentence, noise = f"{what}, noise floor {percent(floor)}", colour_of_misfit(after, floor)
     if noise == "good" or not unsure > floor:
         return Light(name, colour_of_misfit(after, math.hypot(floor, unsure)), sentence)
@@ -194,12 +176,9 @@ def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step
             named = " and ".join(spelled(n, motion) for n in advice.separates)
             certainty = f"the true one should then have a probability of {advice.expected_confidence:.2f}"
             steps.append((run, f"tell {named} apart: {certainty}"))
-    if result.verdict in ("unknown", "partly_named"):
-        steps.append(OWN_EFFECTS)
-    if result.verdict == "undecided" and not math.isfinite(result.noise_floor.moment):
-        steps.append(
-            ('write noise = "0.02 N*m" to a channel in campaign.toml', "have a noise floor to judge by")
-        )
+    unknown = result.verdict == "undecided" and not math.isfinite(result.noise_floor.moment)
+    declare = ('write noise = "0.02 N*m" to a channel in campaign.toml', "have a noise floor to judge by")
+    steps += steps_of((result.verdict in ("unknown", "partly_named"), OWN_EFFECTS), (unknown, declare))
     if not steps and result.verdict == "ambiguous":
         fitted = result.model.fitted
         steps.append(
@@ -241,15 +220,14 @@ def judge_comparison(result: Comparison) -> Trust:
     if result.tests:
         own.append(_constancy(result))
     weak = Trust(lights, (), tuple(own)).weak
-    steps = [SEE_FAULTS] if "data" in weak else []
-    if "explained" in weak:
-        steps.append(LACKING)
-    if "frequency" in weak:
-        steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what makes coefficients change"))
-    if weak & {"methods", "single", "resampled"}:
-        found = result.discovery
-        tested = Excitations((), (), 0) if found is None else Excitations.of(found.campaign)
-        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
+    found = result.discovery
+    tested = Excitations((), (), 0) if found is None else Excitations.of(found.campaign)
+    steps = steps_of(
+        ("data" in weak, SEE_FAULTS),
+        ("explained" in weak, LACKING),
+        ("frequency" in weak, (LACKING[0], "find and name what makes coefficients change")),
+        (weak & {"methods", "single", "resampled"}, (advise_runs(tested), TELL_ALIKE)),
+    )
     return Trust(
         lights,
         tuple((steps or [DISCOVER, (VERIFY[0].replace("RESULTS", "results"), VERIFY[1])])[:MOST_STEPS]),
@@ -275,6 +253,10 @@ def _agreement(name: str, what: str, ids: set[str], choices: Sequence[Choice]) -
     same = sum(set(choice.ids) - {"inertia"} == ids - {"inertia"} for choice in choices)
     colour: Colour = "good" if same == len(choices) else "fair" if 2 * same >= len(choices) else "poor"
     return Light(name, colour, f"{same} of {len(choices)} {what} lead to the model’s terms")
+
+
+def _of_data(soundness: Soundness | None, simulated: bool, motion: str) -> list[Light]:
+    return [] if soundness is None else [judge_soundness(soundness, simulated, motion)]
 
 
 def _faults(soundness: Soundness, severity: str) -> list[str]:

@@ -21,7 +21,7 @@ from sindyjoint.inputs import Input, lagged, run_levels
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states import ForceStates
-from sindyjoint.text import spelled
+from sindyjoint.text import list_all, spelled
 
 if TYPE_CHECKING:
     import sympy
@@ -118,20 +118,23 @@ def over_input(model: JointModel, each: Input, tests: Sequence[FrequencyTest] = 
     known = {test.name: test for test in tests}
     rows = []
     for term in laws[len(laws) // 2].terms:
-        there = [law[term.id] if term.id in law else None for law in laws]
-        test = known.get(term.id)
-        rows.append(
-            CoefficientOver(
-                term.id,
-                term.symbol,
-                term.unit,
-                tuple(0.0 if t is None else t.coefficient for t in there),
-                tuple(0.0 if t is None else t.standard_error for t in there),
-                tuple((0.0, 0.0) if t is None else t.interval95 for t in there),
-                *(() if test is None else (test.frequencies, test.estimates, test.standard_errors)),
-                *(() if test is None else (test.answer, test.reason, test.change_bound)),
-            )
+        absent = replace(term, coefficient=0.0, standard_error=0.0, interval95=(0.0, 0.0))
+        there = [law[term.id] if term.id in law else absent for law in laws]
+        row = CoefficientOver(
+            term.id,
+            term.symbol,
+            term.unit,
+            tuple(t.coefficient for t in there),
+            tuple(t.standard_error for t in there),
+            tuple(t.interval95 for t in there),
         )
+        if term.id in known:
+            test = known[term.id]
+            row = replace(
+                row, levels=test.frequencies, estimates=test.estimates, level_errors=test.standard_errors,
+                answer=test.answer, reason=test.reason, bound=test.change_bound,
+            )  # fmt: skip
+        rows.append(row)
     shown = tuple((value - each.zero) / each.factor for value in values)
     return OverInput(each.name, each.label, each.shown_unit, shown, tuple(rows))
 
@@ -189,8 +192,7 @@ class LevelLaw:
         parts = []
         for name in dict.fromkeys(name for _, name in self.dependences):
             terms = [spelled(term, model.joint.motion) for term, own in self.dependences if own == name]
-            listed = terms[0] if len(terms) == 1 else ", ".join(terms[:-1]) + " and " + terms[-1]
-            parts.append(f"{listed} depend{'s' * (len(terms) == 1)} on {labels.get(name, name)}")
+            parts.append(f"{list_all(terms)} depend{'s' * (len(terms) == 1)} on {labels.get(name, name)}")
         return ", ".join(parts)
 
 

@@ -256,9 +256,7 @@ def by_library(
             inputs=found.regressor.inputs,
             random_state=question.random_state,
         ).fit(**rows)
-        terms = tuple(
-            ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in regressor.model_.terms
-        )
+        terms = ChosenTerm.of(regressor.model_)
         offered = all(term in regressor.evidence_.ids for term in wanted_terms(found))
         reason = regressor.selection_result_.reason
         left = _residual(regressor.selection_result_, regressor.evidence_.target_rms)
@@ -301,17 +299,20 @@ def _fitted(evidence: Evidence, name: str, terms: Sequence[str]) -> Choice:
     columns = [evidence.ids.index(term) for term in terms]
     errors = []
     for group in evidence.groups:
-        rest = evidence.only([each for each in evidence.groups if each != group])
-        if dependent_columns(rest.pooled.take(columns)):
-            errors.append(float("nan"))
-            continue
-        others = fit_columns(rest, columns)
+        others = _fitted_without(evidence, group, columns)
+        law = {} if others is None else dict(zip(terms, others.coefficients, strict=True))
         runs = {run.name for run in evidence.runs if run.group == group}
-        errors.append(moment_error(evidence, runs, dict(zip(terms, others.coefficients, strict=True))))
+        errors.append(moment_error(evidence, runs, law) if law else float("nan"))
     fit = fit_columns(evidence, columns)
     chosen = _chosen(dict(zip(terms, fit.coefficients, strict=True)), fit)
     choice = Choice(name, chosen, "given", len(terms), residual=fit.residual_rms / evidence.target_rms)
     return _scored(choice, pooled_error(errors))
+
+
+def _fitted_without(evidence: Evidence, group: str, columns: Sequence[int]) -> Fit | None:
+    """Return the fit of some columns to all groups but one; None where these do not tell them apart."""
+    rest = evidence.only([each for each in evidence.groups if each != group])
+    return None if dependent_columns(rest.pooled.take(columns)) else fit_columns(rest, columns)
 
 
 def hold_out_groups(question: Question) -> dict[str, CrossValidation]:
@@ -356,23 +357,20 @@ def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -
     states = {state.run: state for state in found.states}
     errors = []
     for group in evidence.groups:
-        rest = evidence.only([other for other in evidence.groups if other != group])
-        if dependent_columns(rest.pooled.take(columns)):
+        fit = _fitted_without(evidence, group, columns)
+        if fit is None:
             return float("nan"), f"without {group} the runs do not tell its terms apart"
-        fit = fit_columns(rest, columns)
+        own = [run.name for run in evidence.runs if run.group == group]
         try:
             fitted = _fitted_model(found, ids, fit)
-            laws = {
-                run.name: law_in_run(fitted, states[run.name]) for run in evidence.runs if run.group == group
-            }
+            laws = {name: law_in_run(fitted, states[name]) for name in own}
         except InputError as cause:
             return float("nan"), str(cause)
-        for run in evidence.runs:
-            if run.group == group:
-                simulated = simulate_run(laws[run.name], runs[run.name], states[run.name], response_only=True)
-                if simulated.failure:
-                    return float("nan"), f"run {run.name!r}: {simulated.failure}"
-                errors.append(simulated.response_nrmse)
+        for name, law in laws.items():
+            simulated = simulate_run(law, runs[name], states[name], response_only=True)
+            if simulated.failure:
+                return float("nan"), f"run {name!r}: {simulated.failure}"
+            errors.append(simulated.response_nrmse)
     return float(np.sqrt(np.mean(np.square(errors)))), ""
 
 

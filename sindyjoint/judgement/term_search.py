@@ -53,9 +53,7 @@ def search_completed(
     expected = {*PAPER_TERMS, INERTIA}
     if found is first or (leaves_noise(found.model) and expected.issuperset(found.model.ids)):
         return found
-    candidates = {term.id for term in first.regressor.terms_}
-    terms = {*first.regressor.forced} | (candidates & expected - {*first.regressor.forbidden})
-    law = regressed_with(terms, first, campaign).model
+    law = regressed_with(_allowed(first, expected), first, campaign).model
     other = _completed_from(law, first, campaign, say)
     return min(found, other, key=error_left_out)
 
@@ -68,8 +66,7 @@ def search_response(found: TermSearch, campaign: Campaign, say: Callable[[str], 
     sure first. A term more must be worth what one must stand out. As found where the simulation leaves clearly more
     than the noise: the law then lacks something, which other terms would stand in for.
     """
-    candidates = {term.id for term in found.regressor.terms_}
-    paper = {*found.regressor.forced} | (candidates & {*PAPER_TERMS} - {*found.regressor.forbidden})
+    paper = _allowed(found, {*PAPER_TERMS})
     starts = [paper] if paper.issuperset(found.model.ids) else [paper, paper | {*found.model.ids}]
     ends = [_on_response(terms, found, campaign, say) for terms in starts]
     samples = sum(state.n_samples for state in found.states)
@@ -78,6 +75,13 @@ def search_response(found: TermSearch, campaign: Campaign, say: Callable[[str], 
         return found
     price = JUDGEMENT.significant**2 * min(misfit for _, misfit in ends) / samples
     return min(ends, key=lambda each: each[1] + price * len(each[0].model.terms))[0]
+
+
+def _allowed(found: TermSearch, expected: set[str]) -> set[str]:
+    """Return those of some terms that a search may have, and all that it must have."""
+    regressor = found.regressor
+    candidates = {term.id for term in regressor.terms_}
+    return {*regressor.forced} | (candidates & expected - {*regressor.forbidden})
 
 
 def _on_response(
@@ -175,8 +179,13 @@ def regressed_with(terms: Collection[str], found: TermSearch, campaign: Campaign
     fitted.forced = tuple(terms)
     others = {*found.regressor.forbidden, *(term.id for term in found.regressor.terms_)}
     fitted.forbidden = tuple(others - {*terms})
-    fitted.fit(**regression_rows(found.states, campaign.joint.inertia).fit_arguments())
-    return TermSearch(fitted, campaign_model(fitted, campaign, found.states), found.states)
+    return searched(fitted, campaign, found.states)
+
+
+def searched(regressor: TermRegression, campaign: Campaign, states: tuple[ForceStates, ...]) -> TermSearch:
+    """Return what a regressor, which is fitted here, finds in states."""
+    regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
+    return TermSearch(regressor, campaign_model(regressor, campaign, states), states)
 
 
 def error_left_out(found: TermSearch) -> float:
@@ -206,9 +215,7 @@ def _completed_from(
         if not any(state.completed for state in states):
             return found
         say("selecting terms with what the processing cuts off the motion")
-        fitted = first.regressor.again()
-        fitted.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
-        found = TermSearch(fitted, campaign_model(fitted, campaign, states), states)
+        found = searched(first.regressor.again(), campaign, states)
         if law.ids != found.model.ids:
             law, step = found.model, None
             continue

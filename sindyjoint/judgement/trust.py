@@ -118,7 +118,8 @@ def assess(
             states = _completed(model, campaign, runs)
         floor = _floor(as_measured, states, campaign)
         fitted = [
-            _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
+            _explained(model, test, each, group)
+            for each, group in zip(states, group_labels(states), strict=True)
         ]
         gap = Gap.of(fitted)
         if math.isnan(gap.value):
@@ -163,13 +164,12 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
     light = partial(Light, "explained", gap=gap.value, floor=floor.relative, interval=gap.interval)
     size = f"gap {percent(gap.value)} of the RMS {load} ({percent(gap.interval[0])} to {percent(gap.interval[1])})"
     if not math.isfinite(floor.relative):
-        colour: Colour = "fair" if gap.value <= JUDGEMENT.large_part else "poor"
-        return light(colour, f"{size}; {floor.words}")
+        return light(colour_of_size(gap.value), f"{size}; {floor.words}")
     colour = colour_of_misfit(gap.value, floor.relative, JUDGEMENT.predicts)
     sentence = f"{size}, noise floor {percent(floor.relative)} {floor.words}"
     if (floor.bound or floor.relative >= 1) and colour == "good":
         # What a law lacks is in the bound, too; a floor as large as the moment hides any.
-        return light("fair" if gap.value <= JUDGEMENT.large_part else "poor", sentence)
+        return light(colour_of_size(gap.value), sentence)
     if colour != "good":
         sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither model nor noise"
     return light(colour, sentence)
@@ -182,7 +182,12 @@ def colour_of_misfit(relative: float, floor: float, within: float = JUDGEMENT.cl
     """
     if relative <= within * math.hypot(floor, DIAGNOSIS.processing_error):
         return "good"
-    return "fair" if beyond_noise(relative, floor) <= JUDGEMENT.large_part else "poor"
+    return colour_of_size(beyond_noise(relative, floor))
+
+
+def colour_of_size(value: float, most: float = JUDGEMENT.large_part) -> Colour:
+    """Return the colour of what is not known to be noise: never good, and poor beyond ``most``."""
+    return "fair" if value <= most else "poor"
 
 
 def beyond_noise(relative: float, floor: float) -> float:
@@ -261,10 +266,6 @@ def _floor(as_measured: Campaign | None, states: Sequence[ForceStates], campaign
     return moment_floor(states, campaign.joint.inertia, bounded=True)
 
 
-def _groups(states: Sequence[ForceStates]) -> list[str]:
-    return group_labels(states)
-
-
 def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tuple[ForceStates, Array]:
     """Return the states that count and the moment along their motion less the measured one, N·m."""
     skip, law = settling(states), law_of_test(test, model, states)
@@ -307,24 +308,22 @@ def _predicts(
         floor = moment_floor(states, campaign.joint.inertia).relative
         return _of_unseen(gap.value, gap.value, floor, "on these runs, which no fit has seen")
     error, inside = left_out_error(model, test, states)
-    ratio = error / max(inside, 1e-300)
-    colour: Colour = (
-        "good" if ratio <= JUDGEMENT.predicts else "fair" if ratio <= JUDGEMENT.contradicts else "poor"
-    )
+    ratio, colour = _beside(error, inside)
     left = "groups of runs" if len(states) > 1 else "parts of the run"
     sentence = f"error {percent(error)} on {left} left out of the fit, {ratio:.2f} times the residual"
     return Light("predicts", colour, sentence, error=error)
 
 
+def _beside(error: float, fitted: float) -> tuple[float, Colour]:
+    """Return how many times the error of a fit one on unseen data is, and its colour."""
+    ratio = error / max(fitted, 1e-300)
+    return ratio, "good" if ratio <= JUDGEMENT.predicts else colour_of_size(ratio, JUDGEMENT.contradicts)
+
+
 def _of_unseen(error: float, gap: float, floor: float, what: str) -> Light:
     """Return how an error on unseen runs stands beside their floor and the gap of the fit."""
-    if math.isfinite(floor) and colour_of_misfit(error, floor) == "good":
-        colour: Colour = "good"
-    else:
-        ratio = error / max(gap, 1e-300)
-        colour = (
-            "good" if ratio <= JUDGEMENT.predicts else "fair" if ratio <= JUDGEMENT.contradicts else "poor"
-        )
+    noise = math.isfinite(floor) and colour_of_misfit(error, floor) == "good"
+    colour = "good" if noise else _beside(error, gap)[1]
     return Light("predicts", colour, f"error {percent(error)} {what}", error=error)
 
 

@@ -20,7 +20,7 @@ from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness import Finding
 from sindyjoint.soundness.warnings import channel_words
 from sindyjoint.states import ForceStates
-from sindyjoint.text import in_words_of, spelled
+from sindyjoint.text import in_words_of, list_all, spelled
 
 
 @dataclass(frozen=True)
@@ -240,8 +240,7 @@ def _alike(residual: float, noise: float) -> bool:
 
 
 def _spell_terms(terms: Sequence[str]) -> str:
-    words = [spelled(term) for term in terms]
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+    return list_all([*map(spelled, terms)])
 
 
 def _find_largest_share(regressor: TermRegression, model: JointModel, term: str) -> float:

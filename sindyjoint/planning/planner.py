@@ -103,10 +103,9 @@ class Planner:
         self, runs: Sequence[PlannedRun], joints: Sequence[JointModel], stage: str
     ) -> Information:
         parts: dict[PlannedRun, Information] = {}
-        for run in runs:
-            if run not in parts:
-                self.say(f"{stage}: {len(parts) + 1} of {len(set(runs))}")
-                parts[run] = stacked([run_information(run, one, self.sensors) for one in joints])
+        for number, run in enumerate(dict.fromkeys(runs), 1):
+            self.say(f"{stage}: {number} of {len(set(runs))}")
+            parts[run] = stacked([run_information(run, one, self.sensors) for one in joints])
         return stacked([parts[run] for run in runs])
 
     def _now(self, choice: Choice) -> Now | None:
@@ -264,15 +263,13 @@ def _warnings(found: Sequence[Prediction], compared: bool, model: JointModel) ->
         for each in found
         if each.chosen <= 0.975
     ]
-    if model.elements:
-        names = list_some([each.name for each in model.elements], "elements")
-        warnings.append(
-            f"{names}: in every simulation as the model has it; intervals are those of the terms, as if its numbers "
-            "were known"
-        )
-    if not compared:
-        warnings.append("the time is too short for a grid of three frequencies and three levels")
-    return tuple(warnings)
+    names = list_some([each.name for each in model.elements], "elements")
+    known = (
+        f"{names}: in every simulation as the model has it; intervals are those of the terms, as if its numbers were "
+        "known"
+    )
+    short = "the time is too short for a grid of three frequencies and three levels"
+    return (*warnings, *[known] * bool(names), *[short] * (not compared))
 
 
 def predictions(model: JointModel, information: Information, coefficients: Array) -> tuple[Prediction, ...]:

@@ -178,16 +178,15 @@ def tested_by(campaign: Campaign) -> Tested:
         # A run without states shows nothing; that it has none is said by the check of the data.
         with suppress(SindyJointError):
             states.append(force_states(run))
-    largest = dict.fromkeys(("moment", "angle", "rate"), 0.0)
-    for s in states:
-        # The largest of n samples of noise is not the joint's.
-        noise = s.noise.moment * float(np.sqrt(2 * np.log(s.moment.size)))
-        reached = (float(np.abs(s.moment).max()) - noise, np.abs(s.angle).max(), np.abs(s.rate).max())
-        largest = {
-            name: max(far, float(new)) for (name, far), new in zip(largest.items(), reached, strict=True)
-        }
-    if campaign.quasi_static:
-        largest["rate"] = 0.0
+    # The largest of n samples of noise is not the joint's.
+    beyond = [s.noise.moment * float(np.sqrt(2 * np.log(s.moment.size))) for s in states]
+    largest = {
+        "moment": max(
+            (float(np.abs(s.moment).max()) - n for s, n in zip(states, beyond, strict=True)), default=0.0
+        ),
+        "angle": max((float(np.abs(s.angle).max()) for s in states), default=0.0),
+        "rate": max((float(np.abs(s.rate).max()) * (not campaign.quasi_static) for s in states), default=0.0),
+    }
     frequencies = [s.frequency for s in states if s.frequency]
     return Tested(
         {name: value for name, value in largest.items() if value > 0},

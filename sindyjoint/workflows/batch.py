@@ -2,8 +2,8 @@
 
 import inspect
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -128,7 +128,11 @@ def batch(
         # Before there is a folder: a cluster that does not answer leaves none.
         workers_here = stack.enter_context(executor(jobs, workers, cluster))
         folder = prepare_output(Path(out) / CAMPAIGNS)
-        stack.enter_context(_only_batch(folder))
+        # The hold on it ends with the process.
+        if stack.enter_context(hold_folder(folder)) is False:
+            raise OutputError(
+                f"another batch is writing into {str(folder.parent)!r}; wait for it to end, or give another --out"
+            )
         for number, answer in workers_here(run_task, tasks):
             if isinstance(answer, WorkerError):
                 record, fresh = _recorded_broken(tasks[number], str(answer)), True
@@ -141,17 +145,6 @@ def batch(
             if progress is not None:
                 progress(f"campaigns: {len(records)} of {len(tasks)}")
     return summarised(tuple(records[number] for number in range(len(tasks))), folder, kept)
-
-
-@contextmanager
-def _only_batch(folder: Path) -> Iterator[None]:
-    """Refuse a folder that another batch is writing into; the hold on it ends with the process."""
-    with hold_folder(folder) as held:
-        if held is False:
-            raise OutputError(
-                f"another batch is writing into {str(folder.parent)!r}; wait for it to end, or give another --out"
-            )
-        yield
 
 
 def _check_options(library: Any, options: Mapping[str, Any]) -> None:
@@ -210,7 +203,8 @@ def _record(record: CampaignRecord, folder: Path) -> None:
 def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord | None) -> CampaignRecord:
     """Write what was found of a campaign, with what the last result of the same inputs has more; return the record."""
     evidence = result.regressor.evidence_ if result.stopped is None else Evidence((), ())
-    joint = result.campaign.joint
+    joint, held = result.campaign.joint, held_inputs(result.campaign)
+    units = {each.name: each.unit for each in result.campaign.inputs if each.name in held}
     with whole_folder(task.folder) as stage:
         (stage / MODEL_FILE).write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
         (stage / FACTORS_FILE).write_bytes(evidence_bytes(evidence))
@@ -241,12 +235,7 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
                 "serial": joint.serial,
                 "labels": dict(joint.labels),
                 # An input that is the same in all runs distinguishes this joint from the others.
-                **({"inputs": held} if (held := held_inputs(result.campaign)) else {}),
-                **(
-                    {"input_units": {i.name: i.unit for i in result.campaign.inputs if i.name in held}}
-                    if held
-                    else {}
-                ),
+                **({"inputs": held, "input_units": units} if held else {}),
             },
             result=result.to_dict(),
             inputs=inputs,

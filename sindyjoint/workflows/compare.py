@@ -178,7 +178,6 @@ def _compared(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=question.random_state,
         **question.rule,
     )  # fmt: skip
-    model = _model(found)
     against = partial(against_paper, found)
     tests = run("frequency dependence", frequency_tests, found, margin)
     compared = Comparison(
@@ -186,7 +185,8 @@ def _compared(
         motion=found.campaign.joint.motion,
         simulated=found.campaign.simulated,
         ids=evidence.ids,
-        units=_units(found, fitted),
+        units={t.id: t.term.unit_for(found.campaign.joint.motion) for t in found.regressor.terms_}
+        | {term: unit for _, units in fitted for term, unit in units.items()},
         methods=tuple(map(against, methods)),
         frequencies=tuple(map(against, frequencies)),
         levels=tuple(map(against, levels)),
@@ -196,7 +196,7 @@ def _compared(
         sets=sets,
         left_out=left_out,
         tests=tests,
-        model=against(model),
+        model=against(_model(found)),
         undetermined=undetermined(found),
         warnings=found.warnings
         + tuple(f"weak form: {c.reason}" for c in methods if c.name == WEAK and not c.terms),
@@ -225,18 +225,11 @@ def _timed(say: Callable[[str], None], seconds: dict[str, float]) -> Callable[..
 
 def _model(found: Discovery) -> Choice:
     """Return the main model."""
-    terms = tuple(ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in found.model.terms)
     fitted = found.model.fitted
     left = fitted.residual_rms / (fitted.moment_rms or 1.0)
-    return Choice("model", terms, found.reason, len(found.regressor.terms_), residual=left)
-
-
-def _units(found: Discovery, by_library: Sequence[tuple[Choice, dict[str, str]]]) -> dict[str, str]:
-    motion = found.campaign.joint.motion
-    units = {term.id: term.term.unit_for(motion) for term in found.regressor.terms_}
-    for _, more in by_library:
-        units.update(more)
-    return units
+    return Choice(
+        "model", ChosenTerm.of(found.model), found.reason, len(found.regressor.terms_), residual=left
+    )
 
 
 Test = Campaign | JointModel | Discovery | str | Path

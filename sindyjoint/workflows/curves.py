@@ -1,6 +1,6 @@
 """Curves that a designer works with: of a joint over amplitude, of a structure over frequency and amplitude."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -100,10 +100,10 @@ def curves(
     say = progress or (lambda stage: None)
     if isinstance(subject, JointModel) or (isinstance(subject, str | Path) and _names_model(subject)):
         given = {"model": model, "levels": levels, "band": band, "at": at, "point": point}
-        _refuse({name: value for name, value in given.items() if value}, "a rig", "a model")
+        _refuse(given, "a rig", "a model")
         return _of_joint(as_model(subject), frequencies, amplitudes, say)
     given = {"frequencies": frequencies, "amplitudes": amplitudes}
-    _refuse({name: value for name, value in given.items() if value}, "a model", "a rig")
+    _refuse(given, "a model", "a rig")
     given_models = [model] if isinstance(model, JointModel | str | Path) else list(model)
     models = [
         one
@@ -259,9 +259,9 @@ def _in_test(rig: RigTest | str | Path, models: Sequence[JointModel]) -> _Placed
     return _Placed(test.name, test.motion, structure, standing, test.at, test.at)
 
 
-def _refuse(given: dict[str, object], owner: str, subject: str) -> None:
-    for name in given:
-        raise InputError(f"{name} was given, which belongs to the curves of {owner}; these are of {subject}")
+def _refuse(given: Mapping[str, object], owner: str, subject: str) -> None:
+    words = f"was given, which belongs to the curves of {owner}; these are of {subject}"
+    refuse((value, f"{name} {words}") for name, value in given.items())
 
 
 def _of_joint(
@@ -273,22 +273,30 @@ def _of_joint(
         if not fitted.angle > 0:
             raise InputError("the model does not say up to which angle it was tested; give amplitudes")
         amplitudes = (FROM * fitted.angle, min(BEYOND * fitted.angle, TO_SOFTENING * _softens(law)))
-    if not 0 < amplitudes[0] < amplitudes[1] < np.inf:
-        raise InputError(f"amplitudes are {amplitudes}; expected two positive numbers, the smaller one first")
     known = (min(fitted.frequencies), max(fitted.frequencies)) if fitted.frequencies else (1.0,)
     chosen = sorted(set(frequencies or known))
-    if not all(0 < frequency < np.inf for frequency in chosen):
-        raise InputError(f"frequencies are {list(frequencies)}; expected positive numbers")
+    ascending = 0 < amplitudes[0] < amplitudes[1] < np.inf
+    refuse(
+        [
+            (
+                not ascending,
+                f"amplitudes are {amplitudes}; expected two positive numbers, the smaller one first",
+            ),
+            (
+                not all(0 < frequency < np.inf for frequency in chosen),
+                f"frequencies are {list(frequencies)}; expected positive numbers",
+            ),
+        ]
+    )
     sizes = np.geomspace(*amplitudes, AMPLITUDES)
     found = []
     for frequency in chosen:
         say(f"loops at {frequency:g} Hz")
         found.append(model_curve(model, sizes, frequency))
-    warnings = []
-    if not np.any(model.number_errors > 0):
-        warnings.append("the model holds no standard errors: the curves have no bands")
-    if model.inputs:
-        warnings.append(f"at the reference of {', '.join(each.name for each in model.inputs)}")
+    bare = "the model holds no standard errors: the curves have no bands"
+    warnings = [bare] * (not np.any(model.number_errors > 0))
+    inputs = ", ".join(each.name for each in model.inputs)
+    warnings += [f"at the reference of {inputs}"] * bool(inputs)
     return JointCurves(
         model.joint.name, model.joint.motion, model.equation(), fitted.angle, fitted.rate, tuple(found),
         fitted.simulated, tuple(warnings),

@@ -30,6 +30,7 @@ from sindyjoint.judgement.term_search import (
     on_response,
     search_completed,
     search_response,
+    searched,
     with_delay_uncertainty,
     with_omissions,
 )
@@ -55,7 +56,6 @@ from sindyjoint.states import (
     ForceStates,
     campaign_states,
     content_hash,
-    regression_rows,
     with_lags,
     with_later_motion,
 )
@@ -280,13 +280,12 @@ def _select_terms(
     say: Callable[[str], None],
 ) -> TermSearch:
     """Fit a regressor to force states, or to runs that are too long for memory."""
-    campaign, states, counts = prepared.campaign, prepared.states, None
-    if here is not None:
-        regressor, counts = fit_long(
-            regressor, campaign, states, here, bandwidth=bandwidth, lag=prepared.lag, say=say
-        )
-    else:
-        regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
+    campaign, states = prepared.campaign, prepared.states
+    if here is None:
+        return searched(regressor, campaign, states)
+    regressor, counts = fit_long(
+        regressor, campaign, states, here, bandwidth=bandwidth, lag=prepared.lag, say=say
+    )
     return TermSearch(regressor, campaign_model(regressor, campaign, states, counts), states)
 
 

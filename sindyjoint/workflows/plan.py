@@ -164,6 +164,10 @@ def plan(
             (both, "a model and a joint that it is like were given; expected one of them"),
             (not 0 < share < 1, f"share is {share!r}; expected a share of the moment between 0 and 1"),
             (not bounded, f"until is {until!r}; expected a positive share, at most 1"),
+            (
+                not waveforms or not {*waveforms} <= TONES.keys(),
+                f"waveforms are {', '.join(waveforms) or 'none'}; expected some of {', '.join(TONES)}",
+            ),
         ]
     )
     known_model = None if model is None else as_model(model)
@@ -179,7 +183,6 @@ def plan(
     given = {"sample_rate": sample_rate, "noise": noise, "moment": moment_noise, "angle": angle_noise}
     stated = {name: value for name, value in given.items() if value is not None}
     stated |= _resolutions(resolution or {})
-    _check_waveforms(waveforms)
     Sensors(**stated)  # refused before anything is worked on
     separating = SeparatingRuns(rivals, actuator, duration, diagnosed, say)
     if rivals and campaign is not None:
@@ -266,13 +269,6 @@ def _actuator(
         raise UnknownNameError(f"limit of {sorted(unknown)[0]!r}; expected moment, angle or rate")
     Actuator(drive, band or BAND, **limits)  # type: ignore[arg-type]  # refused as it was given
     return (tested or Tested({}, BAND)).actuator(drive, band, limits)  # type: ignore[arg-type]
-
-
-def _check_waveforms(waveforms: Sequence[str]) -> None:
-    if not waveforms or not {*waveforms} <= TONES.keys():
-        raise InputError(
-            f"waveforms are {', '.join(waveforms) or 'none'}; expected some of {', '.join(TONES)}"
-        )
 
 
 def _resolutions(resolution: Mapping[str, float]) -> dict[str, float]:

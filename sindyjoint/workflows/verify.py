@@ -18,7 +18,7 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, MissingInputError, checks_options, refuse
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
-from sindyjoint.judgement.discovery import estimated_errors, fitted_to
+from sindyjoint.judgement.discovery import estimated_errors, fitted_to, with_errors
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.trust import assess
 from sindyjoint.limits import JUDGEMENT
@@ -36,7 +36,7 @@ from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs,
 from sindyjoint.soundness import DELAY, Soundness
 from sindyjoint.soundness.check import check_data, require_sound
 from sindyjoint.soundness.warnings import warn_of_negative_inertia
-from sindyjoint.states import ForceStates, campaign_states, content_hash, one_after_another, transfer_noise
+from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.text import percent
 from sindyjoint.trust import Trust
 from sindyjoint.workflows.check import the_campaign
@@ -390,11 +390,8 @@ def refine(
     later, shown = result.model, usable
     if result.refined:
         estimated, lost = estimated_errors(result, states)
-        known = model.test or TestNuisances(content_hash(given), given.joint.name)
-        test = replace(known, nuisances=(*known.nuisances, *estimated))
-        later = fitted_to(
-            replace(tested_on(later, states, usable), test=test or None), given, model.fitted.seen
-        )
+        later = with_errors(tested_on(later, states, usable), estimated, given)
+        later = fitted_to(later, given, model.fitted.seen)
         shown = corrected(TestNuisances("", nuisances=tuple(estimated)), usable)
         notes = (*notes, *lost)
     settings = Settings(tolerance, draws, np.random.default_rng(rng), window or WINDOW)
