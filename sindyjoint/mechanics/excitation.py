@@ -120,11 +120,24 @@ def _check_positive(**values: float) -> None:
     refuse((not 0 < v < inf, f"{name} is {v!r}; expected a positive number") for name, v in values.items())
 
 
-def _spline_pieces(values: Array, bc_type: str) -> Array:
-    """Return the pieces of the C² spline through values at distance one: shape (n - 1, 4)."""
-    return np.asarray(
-        scipy.interpolate.CubicSpline(np.arange(values.size), values, bc_type=bc_type).c[::-1].T
-    )
+def _spline_pieces(values: Array, periodic: bool) -> Array:
+    """Return the pieces of the C² spline through values at distance one, periodic or with no knot beside the ends.
+
+    Its slopes are those with d(i − 1) + 4 d(i) + d(i + 1) = 3 (y(i + 1) − y(i − 1)).
+    """
+    if periodic:
+        once = values[:-1]
+        right = 3 * (np.roll(once, -1) - np.roll(once, 1))
+        factor = 4 + 2 * np.cos(2 * np.pi * np.arange(once.size // 2 + 1) / once.size)
+        slopes = np.fft.irfft(np.fft.rfft(right) / factor, once.size)
+        return _hermite_pieces(values, np.append(slopes, slopes[0]))
+    right = np.empty(values.size)
+    right[1:-1] = 3 * (values[2:] - values[:-2])
+    right[0] = (4 * values[1] + values[2] - 5 * values[0]) / 2
+    right[-1] = (5 * values[-1] - 4 * values[-2] - values[-3]) / 2
+    lower, middle, upper = np.ones(values.size - 1), np.full(values.size, 4.0), np.ones(values.size - 1)
+    middle[[0, -1]], upper[0], lower[-1] = 1.0, 2.0, 2.0
+    return _hermite_pieces(values, scipy.linalg.lapack.dgtsv(lower, middle, upper, right)[3])
 
 
 def _hermite_pieces(y: Array, d: Array) -> Array:
@@ -187,7 +200,7 @@ def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation 
     _check_positive(sample_rate=sample_rate)
     zero = np.zeros(y.size - 1)
     if interpolation == "cubic":
-        pieces = _spline_pieces(y, "not-a-knot")
+        pieces = _spline_pieces(y, periodic=False)
     elif interpolation == "linear":
         pieces = np.stack([y[:-1], np.diff(y), zero, zero], axis=1)
     elif interpolation == "hold":
@@ -214,7 +227,7 @@ def repeated(values: ArrayLike, period: float) -> Excitation:
     """
     y = _in_a_row(values, "one period")
     _check_positive(period=period)
-    return Excitation(_spline_pieces(np.append(y, y[0]), "periodic"), period / y.size, periodic=True)
+    return Excitation(_spline_pieces(np.append(y, y[0]), periodic=True), period / y.size, periodic=True)
 
 
 def pulse(

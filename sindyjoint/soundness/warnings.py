@@ -5,14 +5,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, said_of_removed
-from sindyjoint.equation.formula import unit_for
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.limits import EQUATION, SOUNDNESS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, list_some, quantities
 
-DAMPING = "N*m*s/rad"
+DAMPING = {"rotation": "N*m*s/rad", "translation": "N*s/m"}
 OFFSET_FAMILY = ("constant_moment", "quadratic_stiffness")
 
 
@@ -113,9 +112,7 @@ def _word_delay(delay: ChannelDelay, model: JointModel, aligned: bool) -> str:
     effect = ""
     if "linear_stiffness" in model:
         bias = -delay.time * model["linear_stiffness"].coefficient
-        effect = (
-            f", which shifts the viscous damping by about {bias:.3g} {unit_for(DAMPING, model.joint.motion)}"
-        )
+        effect = f", which shifts the viscous damping by about {bias:.3g} {DAMPING[model.joint.motion]}"
     return (
         f"the {load} seems to {direction[:-1]} the {path} by {size}{effect}: check the common trigger, or run "
         "again with --align"
@@ -165,7 +162,7 @@ def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
     if "linear_damping" not in model or model["linear_damping"].interval95[1] >= 0:
         return
     rate = quantities(model.joint.motion).rate.lower()
-    unit = unit_for(DAMPING, model.joint.motion)
+    unit = DAMPING[model.joint.motion]
     yield (
         f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {unit}: the "
         f"{channel_words(model)[0]} falls as the {rate} grows, as friction does that is larger near standstill "
