@@ -2,6 +2,7 @@
 
 import io
 import os
+import struct
 import zipfile
 
 import numpy as np
@@ -129,6 +130,19 @@ def test_matlab_is_read_as_scipy_reads_it(tmp_path, format, packed):
     for name in wanted:
         np.testing.assert_array_equal(found[name], known[name])
         assert found[name].dtype.kind == known[name].dtype.kind or name == "truth"
+
+
+@pytest.mark.parametrize("value", ["five!", np.array([[1, "x", 2, 3, 4]], dtype=object), np.zeros((1, 5))])
+def test_a_matlab_array_of_far_more_rows_than_bytes_is_refused(tmp_path, value):
+    from scipy.io import savemat
+
+    savemat(tmp_path / "run.mat", {"a": value})
+    whole = (tmp_path / "run.mat").read_bytes()
+    assert whole.count(struct.pack("<ii", 1, 5)) == 1
+    (tmp_path / "run.mat").write_bytes(whole.replace(struct.pack("<ii", 1, 5), struct.pack("<ii", 2**24, 5)))
+    # Rows are made only once the file is known to hold them: 2**24 of them would take minutes and gigabytes.
+    with pytest.raises(InputError, match=r"run.mat: .*(letters|ends within|beyond|numbers)"):
+        read_table(tmp_path / "run.mat")
 
 
 def test_a_matlab_file_cut_anywhere_is_read_or_refused(tmp_path):

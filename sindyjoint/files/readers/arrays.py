@@ -472,11 +472,11 @@ class _Elements:
             code, letters = inner.next()
             ending = ("-le" if self.order == "<" else "-be") if code in (4, 17) else ""
             text = letters.decode(ENCODINGS.get(code, "latin-1") + ending, "replace")
-            for row in range(shape[0]):  # which stand side by side
-                yield (
-                    f"{name}{{{row + 1}}}" if shape[0] > 1 else name,
-                    np.array(text[row :: shape[0]].rstrip()),
-                )
+            rows = shape[0] if text else 1  # which stand side by side
+            if rows > max(len(text), 1):
+                raise self.damaged(f"a matrix of letters of shape {shape!s:.60} has {len(text)} letters")
+            for row in range(rows):
+                yield f"{name}{{{row + 1}}}" if rows > 1 else name, np.array(text[row::rows].rstrip())
         elif kind in CLASSES and not marks & COMPLEX and name:
             check_array(self.path, shape, np.dtype(CLASSES[kind]).itemsize)
             values = inner.numbers()
