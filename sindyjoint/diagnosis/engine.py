@@ -256,7 +256,7 @@ def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[
     stages.say("the verdict")
     return stages.portions["verdict"].do(judged, None, "the verdict") or Explained(
         straight, progress, Gaps(initial, final, problem.noise_floor), UNDECIDED,
-        "what a verdict rests on was not computed to its end", words,
+        "the calculations that a verdict needs did not end in time", words,
     )  # fmt: skip
 
 

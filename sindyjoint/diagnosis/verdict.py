@@ -121,8 +121,8 @@ class Gaps:
         noise = np.hypot(self.floor.response, policy.processing_error)
         if after > np.hypot(policy.outstanding * noise, policy.clearly * unsure):
             return (
-                f"the simulated response misses by {_percent(after)}, where its noise floor is "
-                f"{_percent(self.floor.response)} and the uncertainty of numbers and drive explains {_percent(unsure)}"
+                f"the simulated response is off by {_percent(after)}, more than its noise floor of "
+                f"{_percent(self.floor.response)} and the {_percent(unsure)} that uncertain numbers and drive explain"
             )
         return ""
 
@@ -167,11 +167,11 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
         if excess:
             return "unknown", f"no known effect explains the gap; {share} of it is more than noise"
         if complaint and np.isfinite(gaps.final.response):
-            return "unknown", f"the moment leaves no more than noise, yet {complaint}"
+            return "unknown", f"the moment is explained to its noise, yet {complaint}"
         if gaps.bound:
             return (
                 UNDECIDED,
-                f"{size}, which is the most that the noise can be: runs that repeat would show it",
+                f"{size} at most: record runs that repeat, which show how much of the gap is noise",
             )
         # Of a free motion the moment is the smoothed acceleration's, which rounds off the corners of friction.
         what = "the simulated motion misses by" if gaps.of_response else "the residual is"

@@ -50,7 +50,7 @@ def judge_check(check: Check[Any]) -> Trust:
     lights = (
         Light("faults", "poor" if soundness.stopping else "fair", f"{_named(stops, check.motion)}{accepted}")
         if stops
-        else Light("faults", "good", "nothing found that stands against a model"),
+        else Light("faults", "good", "nothing found that prevents a model"),
         doubt(
             "bias",
             f"{_named(biases, check.motion)}{'; the samples are left out' * (left_out and bool(biases))}",
@@ -60,10 +60,7 @@ def judge_check(check: Check[Any]) -> Trust:
     )
     accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))
     steps: list[Step] = [
-        *(
-            (one.remedy, f"settle what stands against {one.run or 'all runs'}")
-            for one in soundness.stopping[:1]
-        ),
+        *((one.remedy, f"mend {one.run or 'all runs'}") for one in soundness.stopping[:1]),
         (
             f"sindyjoint discover {subject}{accept or ' --out results'}",
             "go on all the same" if accept else DISCOVER[1],

@@ -201,7 +201,7 @@ def _find_law(
     words = [few] if few else []
     if added:
         words.append(
-            f"{' and '.join(map(spelled, added))}: little of the moment, yet far out of the sensors' noise"
+            f"{' and '.join(map(spelled, added))}: small beside the moment, yet large beside the sensors' noise"
         )
     discovery = replace(discovery, warnings=(*discovery.warnings, *words))
     return discovery, "", recovered, errors

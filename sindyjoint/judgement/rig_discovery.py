@@ -280,8 +280,8 @@ def unstated_numbers(update: Update) -> str:
     words = [f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing]
     named = list_some(words, "numbers")
     return (
-        f"the sensors deny the structure as its file describes it, and agree with another: {named}; the laws are those "
-        "in that one; measure these numbers, or state how uncertain they are"
+        f"the sensors contradict the structure as its file describes it, and agree with one changed by {named}; the "
+        "laws are those in the changed one; measure these numbers, or state how uncertain they are"
     )
 
 
@@ -340,8 +340,8 @@ def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
 
 
 NARROW = (
-    "no run repeats: intervals by regression hold the noise of the sensors, and not what the ends of the records and "
-    "the band of the sensors do to the states; refine on the simulated response"
+    "no run repeats: intervals of the regression include the sensors' noise, but not the errors of the states from the "
+    "ends of the records and the band of the sensors; use --refine"
 )
 
 
@@ -396,5 +396,7 @@ def _judge_data(found: RigDiscovery, checked: Check[RigTest]) -> Light:
     if found.update is None or checked.usable.uncertain or light.colour == "poor":
         return light
     return Light(
-        "data", "fair", "the sensors deny the structure as its file describes it, and agree with another"
+        "data",
+        "fair",
+        "the sensors contradict the structure as its file describes it, and agree with a changed one",
     )

@@ -106,7 +106,7 @@ def assess(
     if not (model.terms or model.elements):
         return (
             data,
-            Light("explained", "poor", "no set of terms passed"),
+            Light("explained", "poor", "no set of terms predicts the moment"),
             Light("predicts", "poor", "there is no model"),
             coverage(campaign),
         )
@@ -128,7 +128,7 @@ def assess(
         if campaign.moves_freely:
             predicts = _goes_on(predicts, model, campaign, test)
     except SindyJointError as error:
-        lost = Light("explained", "poor", f"the model cannot be held against these runs: {error}")
+        lost = Light("explained", "poor", f"the model cannot be compared with these runs: {error}")
         unknown = Light("predicts", "poor", "nothing could be predicted")
         return data, lost, unknown, _determined(model, campaign)
     return data, judge_gap(gap, floor, model.joint.motion), predicts, _determined(model, campaign)

@@ -129,7 +129,7 @@ def _at_each_level(verdict: str, reason: str, model: JointModel, law: LevelLaw) 
     if verdict == "confirmed" and gone:
         term, name = gone[0]
         return "undecided", (
-            f"{spelled(term)} changes its sign over the tested range of {name}: at a level between, it is not there "
+            f"{spelled(term)} changes its sign over the tested range of {name}, so that it vanishes at a level between "
             f"({law.words(model)})"
         )
     if verdict == "confirmed":
@@ -141,12 +141,12 @@ def _spell_delay(delay: ChannelDelay) -> str:
     """Return why a delay between the channels leaves the terms open."""
     if delay.at_limit:
         return (
-            f"the delay between the channels is not determined within {1e3 * abs(delay.time):.0f} ms, the longest that "
-            "is looked for: mend the trigger, or the law is another"
+            f"the delay between the channels is beyond the {1e3 * abs(delay.time):.0f} ms that are searched, or the "
+            "law lacks a term: check the trigger of the recorder"
         )
     return (
         f"a delay between the channels of {1e3 * abs(delay.time):.3f} ± {1e3 * delay.standard_error:.3f} ms is not "
-        "resolved, and other terms may stand for it: run again with --align, or mend the trigger"
+        "resolved, and other terms may stand for it: run again with --align, or check the trigger of the recorder"
     )
 
 
@@ -170,12 +170,12 @@ def _reach_verdict(
         those = "five terms" if not (missing or extra) else "terms found"
         if not np.isfinite(model.fitted.noise_floor):
             return "undecided", (
-                f"no noise floor could be measured: {100 * gap:.1f} % of the {word} is not of the {those}, and how "
-                f"much of that is noise is not known; their smallest unique share is {100 * least:.1f} %; runs that "
-                "repeat, or noise declared in [channels], would tell"
+                f"no noise floor could be measured: the {those} leave {100 * gap:.1f} % of the {word}, and how much of "
+                f"that is noise is unknown; their smallest unique share is {100 * least:.1f} %; record runs that "
+                "repeat, or declare noise in [channels]"
             )
         return "undecided", (
-            f"the {those} are the best of these candidates, yet {100 * gap:.1f} % of the {word} is neither they nor "
+            f"the {those} are the best of these candidates, yet leave {100 * gap:.1f} % of the {word} beyond the "
             f"noise; their smallest unique share is {100 * least:.1f} %"
         )
     if model.fitted.runs == 1 and model.fitted.frequencies:
@@ -197,8 +197,8 @@ def _reach_verdict(
     if absent and _is_needed(regressor, absent):
         return (
             "undecided",
-            f"{_spell_terms(absent)} stands out of the noise beside the other four terms, yet carries too little to be "
-            f"chosen: less than {100 * JUDGEMENT.small_share:.0f} % of the {word}; higher levels would tell",
+            f"{_spell_terms(absent)} is significant beside the other terms, yet too small to be chosen: it carries "
+            f"less than {100 * JUDGEMENT.small_share:.0f} % of the {word}; record higher levels",
         )
     if absent:
         return (
@@ -285,7 +285,7 @@ def of_one_run(verdict: Verdict, runs: int) -> Verdict:
     """Return a verdict that refutes nothing by one run: what the recovery does to it, no other run tells."""
     if runs > 1 or verdict.verdict != "refuted":
         return verdict
-    reason = f"one run of the structure refutes no term; others at other levels would tell: {verdict.reason}"
+    reason = f"one run of a structure cannot refute a term; record runs at other levels: {verdict.reason}"
     return replace(verdict, verdict="undecided", reason=reason)
 
 
@@ -302,9 +302,9 @@ def few_rows(rows: int, unknowns: int) -> str:
     if rows >= SUBSTRUCTURE.rows_per_unknown * unknowns:
         return ""
     return (
-        f"the joint moves in {rows} samples only, and {unknowns} numbers of its slow angle are found with the law: "
-        "by regression coefficients may be further off than their intervals say, quadratic stiffness by all of itself; "
-        "refine on the simulated response, or make sweeps or sines, which move it longer"
+        f"the joint moves in only {rows} samples, from which {unknowns} numbers of its slow angle are found along with "
+        "the law: coefficients may be off by more than their intervals, quadratic stiffness by its whole size; use "
+        "--refine, or record sweeps or sines, which move the joint longer"
     )
 
 
@@ -335,8 +335,8 @@ def of_slight_terms(verdict: Verdict, model: JointModel) -> Verdict:
         return verdict
     words = " and ".join(map(spelled, verdict.extra))
     reason = (
-        f"the data need {words}, which carry less than {100 * SUBSTRUCTURE.refuting_share:g} % of the moment: a "
-        "structure is hardly described more accurately; the five terms carry the rest"
+        f"beyond the five terms the data need {words}, which carry less than {100 * SUBSTRUCTURE.refuting_share:g} % "
+        "of the moment: errors in the description of the structure may be as large"
     )
     return replace(verdict, verdict="undecided", reason=reason)
 
@@ -360,12 +360,12 @@ def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:
     if unknown <= JUDGEMENT.small_share or verdict.verdict == "undecided":
         return verdict
     what = (
-        f"the sensors leave room for {100 * unknown:.1f} % of the moment beside the law"
+        f"a term that carries up to {100 * unknown:.1f} % of the moment could be hidden from the sensors"
         if verdict.verdict == "confirmed"
-        else f"the sensors show the angle of the joint only within {100 * unknown:.1f} % of itself"
+        else f"the sensors determine the angle of the joint only to {100 * unknown:.1f} %"
     )
     reason = (
-        f"{what}, and terms are judged down to {100 * JUDGEMENT.small_share:.0f} % of the moment: sensors of "
-        f"displacement, longer runs or sines would tell; without that: {verdict.verdict}, {verdict.reason}"
+        f"{what}, and terms are judged down to {100 * JUDGEMENT.small_share:.0f} % of the moment: add sensors of "
+        f"displacement, longer runs or sines; without that: {verdict.verdict}, {verdict.reason}"
     )
     return replace(verdict, verdict="undecided", reason=reason)

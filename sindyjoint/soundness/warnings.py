@@ -219,7 +219,8 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
     ranges = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
     one_level = len(periodic) == len(states) and max(ranges) < (1 + SOUNDNESS.alike) * min(ranges)
-    once = any(s.noise.source in ("spectrum", "coherent") for s in states)
+    once = [s.run for s in states if s.noise.source in ("spectrum", "coherent")]
+    single = "no run repeats" if len(once) == len(states) else f"nothing repeats in {list_some(once)}"
     short = [
         s.run
         for s in periodic
@@ -244,8 +245,8 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         ),
         (
             once and not campaign.quasi_static,
-            "no run repeats: the noise is estimated from the end of the spectrum and holds whatever signal is there; "
-            "record one run twice to measure it",
+            f"{single}: the noise is estimated from the end of the spectrum, any signal there included; record one run "
+            "twice to measure it",
         ),
         (
             short,

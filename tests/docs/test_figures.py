@@ -99,7 +99,7 @@ def test_each_table_states_its_truth_and_has_its_rows_from_the_benchmark():
     benchmarks = ROOT / "benchmarks"
     tables = tomllib.loads((benchmarks / "measured.toml").read_text(encoding="utf-8"))["table"]
     assert all(table["truth"] and table["tried"] and "rows" not in table for table in tables)
-    used = [name for table in tables for name in table.get("results", ())]
+    used = [name for table in tables for name in table["results"]]
     assert {*used} == {path.name for path in (benchmarks / "results").iterdir()}
     for name in used:
         assert json.loads((benchmarks / "results" / name).read_text(encoding="utf-8")), name

@@ -174,7 +174,7 @@ def test_an_effect_outside_the_library_leaves_it_undecided():
     found = discover(hidden, library="paper")
     assert set(found.model.ids) == set(PAPER_TERMS)
     assert found.verdict.verdict == "undecided"
-    assert "is neither they nor noise; their smallest unique share is" in found.verdict.reason
+    assert "beyond the noise; their smallest unique share is" in found.verdict.reason
     assert discover(campaign(drive="displacement"), library="paper").verdict.verdict == "confirmed"
 
 
@@ -269,4 +269,4 @@ def test_a_small_term_is_not_denied_where_it_stands_out_of_the_noise(part, verdi
         simulate(law, noise=0.005, frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, random_state=1)
     )
     assert (found.verdict.verdict, found.verdict.missing) == (verdict, ("quadratic_stiffness",))
-    assert ("stands out of the noise" in found.verdict.reason) == (verdict == "undecided")
+    assert ("is significant beside the other terms" in found.verdict.reason) == (verdict == "undecided")

@@ -49,7 +49,7 @@ def trust(motion="rotation", found=True):
     data = Light("data", "good", "sound: nothing found that shifts a coefficient")
     tested = Light("determined", "fair", "2 frequencies, 2 levels in 2 runs; 3 of each tell the terms apart")
     if not found:
-        none = Light("explained", "poor", "no set of terms passed")
+        none = Light("explained", "poor", "no set of terms predicts the moment")
         step = ("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model")
         return Trust((data, none, Light("predicts", "poor", "there is no model"), tested), (step,))
     gap = f"gap 1.03 % of the RMS {load} (0.98 % to 1.08 %), noise floor 1 % from the periods of each run"

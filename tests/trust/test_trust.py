@@ -152,7 +152,7 @@ def test_a_law_under_which_nothing_moves_is_held_against_nothing(scattered, foun
     at_rest = [replace(s, moving=np.zeros(s.n_samples, dtype=bool)) for s in campaign_states(scattered)]
     seen = {run.name: True for run in scattered.runs}
     lights = assess(found.model, scattered, found.soundness, seen, states=at_rest)
-    words = "the model cannot be held against these runs: under it the joint moves in none of them"
+    words = "the model cannot be compared with these runs: under it the joint moves in none of them"
     assert [light.colour for light in lights[1:3]] == ["poor", "poor"] and lights[1].sentence == words
 
 
