@@ -1,6 +1,6 @@
 """Coefficient errors beside the paper's own way: an n × n map of averaged moments and a surface fitted to it.
 
-python benchmarks/bench_map_fit.py --seeds 8 --noise 0.01
+python benchmarks/bench_map_fit.py --seeds 8 --noise 0.01 --json map_fit.json
 
 The paper's way here: both channels through a 60 Hz low-pass without phase (4th order, forwards and backwards), rate
 and acceleration by central differences, all samples, n × n cells per frequency, surface fit, mean over frequencies.
@@ -10,12 +10,18 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np  # noqa: E402
 from joblib import Parallel, delayed  # noqa: E402
 from scipy.signal import butter, sosfiltfilt  # noqa: E402
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.resumed import with_rows, write_rows  # noqa: E402
 
 NAMES = ("k1", "k2", "k3", "c1", "M_F")
 CUT = 60.0
@@ -66,16 +72,19 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=0.01)
     parser.add_argument("--cells", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args()
+    given = with_rows(parser).parse_args()
     print(f"RMS error, % of the true coefficient, {given.seeds} seeds at {given.noise:g} noise")
+    rows = []
     for drive in ("moment", "rig", "displacement"):
         records = Parallel(n_jobs=given.jobs)(
             delayed(one)(drive, given.noise, seed, given.cells) for seed in range(given.seeds)
         )
-        print(f"{drive:<24}" + "".join(f"{name:>8}" for name in NAMES))
         for way in records[0]:
             rms = 100 * np.sqrt(np.mean([np.square(record[way]) for record in records], axis=0))
-            print(f"  {way:<22}" + "".join(f"{value:>8.2f}" for value in rms))
+            errors = dict(zip(NAMES, map(float, rms), strict=True))
+            rows.append({"drive": drive, "way": way, "seeds": given.seeds, "noise": given.noise, **errors})
+            print(f"{drive:<13}{way:<16}" + "".join(f"{name:>6}{x:>6.2f}" for name, x in errors.items()))
+    write_rows(given.json, rows)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +28,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics import PaperLaw
 from sindyjoint.planning import PlannedRun
-from sindyjoint.planning.information import Sensors, chosen_terms, run_information, stacked
+from sindyjoint.planning.information import Sensors, chosen_terms, half_widths, run_information, stacked
 from sindyjoint.planning.plan import Plan, play
 from sindyjoint.planning.prior import JointRange
 from sindyjoint.record import Campaign, Joint
@@ -60,6 +60,12 @@ def five_joints() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "weak friction, 0.05–0.15 N·m", {"ranges": {"coulomb_friction": (0.05, 0.15)}}
 
 
+def widest_of(made: Plan, runs: Sequence[PlannedRun]) -> float:
+    """Return the widest relative half-width that some runs alone leave, without those of a campaign before them."""
+    told = stacked([stacked([run_information(run, made.model, made.sensors)]) for run in runs])
+    return float(np.max(np.ravel(half_widths(told)) / np.abs(made.model.coefficients)))
+
+
 def table() -> list[dict]:
     """Print the plans of five joints beside their grids of equal length, and return them as rows."""
     rows = []
@@ -69,6 +75,7 @@ def table() -> list[dict]:
         seconds = time.process_time() - began
         ratio = [p.relative / g.relative for p, g in zip(made.predicted, made.grid, strict=True)]
         widest = max(p.relative for p in made.predicted) / max(g.relative for g in made.grid)
+        alone = widest_of(made, made.runs) / widest_of(made, made.grid_runs)
         runs = Counter((run.frequency, run.level) for run in made.runs)
         shown = ", ".join(
             f"{f:g} Hz: " + " ".join(f"{n}×{x:.4g}" for (at, x), n in sorted(runs.items()) if at == f)
@@ -77,8 +84,8 @@ def table() -> list[dict]:
         ratios = [f"{each:.2f}" for each in ratio]
         often = Counter(run.frequency for run in made.runs)
         counts = "/".join(f"{f:g}×{n}" for f, n in sorted(often.items()))
-        rows.append(dict(joint=name, runs=counts, ratios=ratios, widest=widest, seconds=seconds))
-        print(f"| {name} | {shown} | {' '.join(ratios)} | {widest:.2f} | {seconds:.0f} s |")
+        rows.append(dict(joint=name, runs=counts, ratios=ratios, alone=alone, widest=widest, seconds=seconds))
+        print(f"| {name} | {shown} | {' '.join(ratios)} | {alone:.2f} | {widest:.2f} | {seconds:.0f} s |")
     return rows
 
 

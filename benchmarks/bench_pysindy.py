@@ -1,6 +1,6 @@
 """The same virtual campaigns through plain ``pysindy.SINDy`` and through sindyjoint, side by side.
 
-    python benchmarks/bench_pysindy.py --seeds 20 --noise 0.001 0.01 0.05
+    python benchmarks/bench_pysindy.py --seeds 20 --noise 0.001 0.01 0.05 --json pysindy.json
 
 Everyone gets the same candidates (the ``extended`` library), the true inertia, and the same runs. The columns:
 
@@ -25,7 +25,10 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.paper import TERMS
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.resumed import with_rows, write_rows  # noqa: E402
+from sindyjoint.paper import TERMS  # noqa: E402
 
 THRESHOLDS = np.geomspace(1e-3, 1.0, 31)
 
@@ -138,33 +141,34 @@ def one(joint: str, noise: float, seed: int) -> dict[str, set[str]]:
 
 
 def main() -> None:
-    """Run the campaigns and print how often each way finds the five terms and nothing else."""
+    """Run the campaigns; print how often each way finds the five terms and nothing else."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--joints", nargs="+", default=["inter-panel", "panel-root"], help="or random")
+    parser.add_argument("--joints", nargs="+", default=["inter-panel", "panel-root", "random"])
     parser.add_argument("--noise", type=float, nargs="+", default=[0.001, 0.01, 0.05])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args()
+    given = with_rows(parser).parse_args()
     from joblib import Parallel, delayed
 
-    header = True
-    for joint in given.joints:
-        for noise in given.noise:
+    sizes: dict[str, list[int]] = {}
+    rows: dict[str, dict[str, Any]] = {}
+    for noise in given.noise:
+        for joint in given.joints:
             found = Parallel(n_jobs=given.jobs)(
                 delayed(one)(joint, noise, seed) for seed in range(given.seeds)
             )
-            ways = list(found[0])
-            if header:
-                print("exactly the five terms: campaigns of", given.seeds, "(median number of terms)")
-                print("joint         noise  " + "".join(f"{way:>12}" for way in ways))
-                header = False
-            cells = []
-            for way in ways:
-                exact = sum(f[way] == set(TERMS) for f in found)
-                cells.append(f"{exact} ({np.median([len(f[way]) for f in found]):g})")
-            print(f"{joint:<12} {noise:>6.1%}  " + "".join(f"{cell:>12}" for cell in cells), flush=True)
+            for way in found[0]:
+                exact = sum(each[way] == set(TERMS) for each in found)
+                print(f"{joint:<12} {noise:>6.1%} {way:<12}{exact:>3} of {given.seeds}", flush=True)
+                row = rows.setdefault(way, {"way": way, "campaigns": given.seeds * len(given.joints)})
+                level = f"at {1000 * noise:g}"
+                row[level] = row.get(level, 0) + exact
+                sizes.setdefault(way, []).extend(len(each[way]) for each in found)
+    for way, row in rows.items():
+        row["terms"] = float(np.median(sizes[way]))
+    write_rows(given.json, list(rows.values()))
 
 
 if __name__ == "__main__":

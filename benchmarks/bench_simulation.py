@@ -1,21 +1,27 @@
-"""How fast the simulations are, side by side with scipy and OpenSees. Run: python benchmarks/bench_simulation.py."""
+"""How fast the simulations are, side by side with SciPy and OpenSees, in the processor's time.
+
+python benchmarks/bench_simulation.py --json simulation.json
+"""
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "mechanics"))
+sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / "mechanics"), str(Path(__file__).parents[1])]
 
 from hybrid_reference import solve_stick_slip  # noqa: E402
 
+from benchmarks.resumed import with_rows, write_rows  # noqa: E402
 from sindyjoint.mechanics import INTER_PANEL, PaperLaw  # noqa: E402
 from sindyjoint.mechanics.excitation import harmonic, pulse  # noqa: E402
 from sindyjoint.mechanics.rigs import load_rig  # noqa: E402
@@ -55,27 +61,34 @@ def first_use(code):
         return [float(subprocess.check_output(run, env=environment, text=True)) for _ in range(2)]
 
 
-def single_joint():
+def row(what, seconds, error=None, ratio=None):
+    """Return a line of the table: its time in ms, the error relative to the peak, how often ours fits into theirs."""
+    return {"what": what, "ms": 1e3 * seconds, "error": error, "ratio": ratio}
+
+
+def first_uses() -> Iterator[dict]:
+    for name, code in FIRST_USES.items():
+        anew, cached = first_use(code)
+        yield row(f"first use in a process: {name}, compiled anew", anew)
+        yield row(f"first use in a process: {name}, from the cache", cached)
+
+
+def single_joint() -> Iterator[dict]:
+    """10 s at 4 Hz on one core: ours, then SciPy's beside ours of the same error or less."""
     exact = simulate(INTER_PANEL, DRIVE, DURATION, RATE, rtol=1e-11).angle
     time_axis = np.arange(exact.size) / RATE
 
     def error(angle):
         return np.abs(angle - exact).max() / np.abs(exact).max()
 
-    print(
-        f"single joint, {DURATION:g} s at {FREQUENCY:g} Hz, error of the angle relative to its peak, time of one core"
-    )
     ours = []
     for rtol in (2e-3, 1e-4, 1e-6, 1e-8):
         motion = simulate(INTER_PANEL, DRIVE, DURATION, RATE, rtol=rtol)
         sets = np.tile(INTER_PANEL.parameters, (50, 1))
         options = {"parameters": sets, "rtol": rtol, "threads": 1}
         seconds = best(partial(simulate_many, INTER_PANEL, [DRIVE], DURATION, RATE, **options))
-        seconds /= len(sets)
-        ours.append((error(motion.angle), seconds))
-        print(
-            f"  sindyjoint rtol {rtol:7.0e}: error {ours[-1][0]:.1e}, {seconds * 1e3:7.3f} ms, {1 / seconds:.0f} runs/s"
-        )
+        ours.append((error(motion.angle), seconds / len(sets)))
+        yield row(f"single joint, tolerance {rtol:.0e}", ours[-1][1], ours[-1][0])
 
     def moment(t):
         return AMPLITUDE * np.sin(2 * np.pi * FREQUENCY * t)
@@ -85,42 +98,35 @@ def single_joint():
         angle, _ = solve_stick_slip(INTER_PANEL, moment, DURATION, time_axis, rtol=rtol, method=method)
         seconds, deviation = time.process_time() - start, error(angle)
         equal = min((s for e, s in ours if e <= deviation), default=ours[-1][1])
-        print(f"  solve_ivp {method} rtol {rtol:.0e}: error {deviation:.1e}, {seconds * 1e3:7.0f} ms, "
-              f"ratio {seconds / equal:.0f}")  # fmt: skip
-    many = partial(simulate_many, INTER_PANEL, [DRIVE], DURATION, RATE, parameters=sets, rtol=2e-3)
-    both = best(many, clock=time.perf_counter) / len(sets)
-    print(f"  on {os.cpu_count()} threads at rtol 2e-3: {1 / both:.0f} runs/s")
+        yield row(f"solve_ivp, {method}, tolerance {rtol:.0e}", seconds, deviation, seconds / equal)
 
 
-def structures():
-    print("structures, 20 s, warm")
+def structures() -> Iterator[dict]:
     for name in ("pulse-rig", "four-panel-wing"):
         rig = load_rig(name)
-        response = rig.respond()
-        seconds = best(rig.respond, 3)
-        print(f"  {name}: {seconds:.3f} s, {response.events} events, step {response.step * 1e3:g} ms")
+        rig.respond()
+        yield row(f"{name}, 20 s", best(rig.respond, 3))
     import pytest
     from test_structure import chain, opensees_pulse, respond
 
-    try:
-        theirs = best(lambda: opensees_pulse(None), 1)
-    except pytest.skip.Exception as error:
-        print(f"  OpenSees: {error}")
-        return
     structure = chain(PaperLaw(k1=6066.0))
     run = lambda: respond(structure, pulse(65.0, 0.005), duration=5.0)  # noqa: E731
     run()
     ours = best(run, 3)
-    print(
-        f"  linear joint, 5 s at 0.5 ms: sindyjoint {ours:.3f} s, OpenSees {theirs:.3f} s, ratio {theirs / ours:.0f}"
-    )
+    yield row("structure with a linear joint, 5 s", ours)
+    try:
+        theirs = best(lambda: opensees_pulse(None), 1)
+    except pytest.skip.Exception as error:
+        print(f"OpenSees: {error}")
+    else:
+        yield row("the same, OpenSees", theirs, ratio=theirs / ours)
 
 
 if __name__ == "__main__":
-    for name, code in FIRST_USES.items():
-        cold, cached = first_use(code)
-        print(
-            f"first use in a new process, {name}: {cold:.1f} s compiled anew, {cached:.1f} s from the cache"
-        )
-    single_joint()
-    structures()
+    path = with_rows(argparse.ArgumentParser(description=__doc__)).parse_args().json
+    rows = []
+    for part in (first_uses, single_joint, structures):
+        for each in part():
+            print(" ".join(f"{key} {value}" for key, value in each.items() if value is not None), flush=True)
+            rows.append(each)
+    write_rows(path, rows)

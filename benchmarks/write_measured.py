@@ -4,7 +4,6 @@ python benchmarks/write_measured.py
 
 ``benchmarks/measured.toml`` says of each table what was tried, against which truth, and by which command. Its figures
 are the JSON that the benchmark wrote, in ``benchmarks/results``: a row for each record, a cell a format of its fields.
-Of benchmarks that take hours, the rows of their last run stand in ``measured.toml`` themselves.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ def _listed(value: Any) -> Any:
 
 def rows_of(table: Mapping[str, Any]) -> list[list[str]]:
     """Return the cells of a table, of the benchmark's JSON."""
-    names = table.get("results", ())
+    names = table["results"]
     records = [each for name in names for each in json.loads((RESULTS / name).read_text("utf-8"))]
     shown = [each for each in records if each.get("kind") in table.get("kinds", [each.get("kind")])]
     return [[formatted(cell, record) for cell in table["cells"]] for record in shown]
@@ -73,14 +72,12 @@ def row(cells: list[str]) -> str:
 
 
 def section(table: dict[str, Any]) -> str:
-    """Return what one table says: what was tried, the truth, the commands, the rows or what a benchmark printed."""
+    """Return what one table says: what was tried, the truth, the commands, the rows."""
     parts = [f"### {table['title']}"] if "title" in table else []
     parts.append(f"{table['tried']} Truth: {table['truth']}.")
     if commands := table.get("commands"):
         parts.append("\n".join(["```sh", *commands, "```"]))
-    if "output" in table:
-        parts.append(f"```{{literalinclude}} ../comparisons/{table['output']}.txt\n:language: text\n```")
-    elif rows := rows_of(table):
+    if rows := rows_of(table):
         lines = [table["columns"], ["-"] * len(table["columns"])]
         lines += [[with_interval(cell) for cell in cells] for cells in rows]
         parts.append("\n".join(map(row, lines)))

@@ -177,10 +177,15 @@ def told_by_response(states: Sequence[ForceStates]) -> bool:
     return not repeats and sum(state.n_samples for state in states) <= SIMULATED
 
 
-def misfit_nearby(model: JointModel, runs: Sequence[Run], states: Sequence[ForceStates]) -> float:
-    """Return the sum of squares that a few steps of a fit leave of the responses, in units of noise."""
+def misfit_nearby(
+    model: JointModel, runs: Sequence[Run], states: Sequence[ForceStates], least: float = ROUGHLY
+) -> float:
+    """Return the sum of squares that a few steps of a fit leave of the responses, in units of noise.
+
+    They end where one wins less than the share ``least``.
+    """
     problem = OutputError.of(model, runs, states, (), None)
-    return 2 * _fit(problem, problem.table[0], FEW_EVALUATIONS, ROUGHLY)[1]
+    return 2 * _fit(problem, problem.table[0], FEW_EVALUATIONS, least)[1]
 
 
 def _grown(

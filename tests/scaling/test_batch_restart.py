@@ -96,10 +96,12 @@ def test_every_way_of_running_writes_the_same_bytes_though_a_worker_dies(done, j
             # The one that has worked most: not a process that only watches the others.
             worker = max(children, key=lambda process: process.cpu_times().user)
             worker.kill()
-            killed.append(worker.pid)
+            killed.append(worker)
 
     result = batch(joints, tmp_path / "out", "paper", on_record=on_record, **way)
-    assert len(killed) == 1 and not psutil.pid_exists(killed[0])
+    (worker,) = killed
+    # Its parent may not have fetched how it ended.
+    assert not worker.is_running() or worker.status() == psutil.STATUS_ZOMBIE
     assert content(tmp_path / "out" / "campaigns") == content(done[0] / "campaigns")
     assert result.to_dict() == done[1].to_dict()
 

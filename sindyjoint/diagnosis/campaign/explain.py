@@ -8,9 +8,10 @@ import numpy as np
 import scipy
 
 from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
-from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, forms_on_response, score_of
+from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, score_of
 from sindyjoint.diagnosis.campaign.numbers import is_element
 from sindyjoint.diagnosis.campaign.other_starts import CONSTANT, with_delay, with_zero_fitted
+from sindyjoint.diagnosis.campaign.refined import one_by_response, told_by_response
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.start import Work
@@ -25,6 +26,8 @@ from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
 LONGEST = DISCOVERY.longest_delay  # that the linear steps may reach
+# Nats by which rows have preferred a foreign form of hysteresis: 41 where runs repeat (1 % noise), 120 under sweeps.
+FAVOURED = 120.0
 
 
 def fitted_together(
@@ -325,12 +328,14 @@ def ranked(ev: CampaignEvidence, search: Search, best: Chosen, member: Candidate
     nothing = odds_of(best, without)
     fitted = [ev.fitted(each)[-1] for each in sets]
     alike = [True, *(search.alike(best, each) for each in rivals)]
+    near = [each.score.total > best.score.total - FAVOURED for each in sets]
     whole = odds.sum() + nothing
     return Ranking(
         fitted=tuple(fitted),
         probabilities=tuple((odds / whole).tolist()),
         nothing=float(nothing / whole),
         members=tuple(f for f, a in zip(fitted, alike, strict=True) if a),
+        near=tuple(f for f, n in zip(fitted, near, strict=True) if n and is_element(f)),
     )
 
 
@@ -358,22 +363,10 @@ def _needless(work: Work, repaired: Repaired, found: Found) -> frozenset[str]:
     return gone
 
 
-def told_by_response(found: Found, given: Sequence[FittedEffect], say: Say) -> Found:
-    """Return what was found with each element in the form that the simulated response of smoothed runs shows."""
-    effects, rankings, work = [*found.effects], [*found.rankings], found.work
-    if found.shifts or work.campaign.moves_freely or all(s.method != "broadband" for s in work.states):
-        return found
-    for place, first in [(i, r.fitted[0]) for i, r in enumerate(rankings) if is_element(r.fitted[0])]:
-        say("forms of an element on the simulated response")
-        others = [*given, *(each for each in effects if each.name != first.name)]
-        rankings[place] = forms_on_response(work, others, rankings[place])
-        effects = [rankings[place].fitted[0] if each.name == first.name else each for each in effects]
-    return replace(found, effects=effects, rankings=rankings)
-
-
 def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
     """Return the progress with the best set of effects that the data show, fitted together, as steps."""
-    found = find_effects(problem := begun.problem, most - len(begun.steps), say)
+    problem = begun.problem
+    found: Found = one_by_response(problem, find_effects(problem, most - len(begun.steps), say), say)
     cost = found.cost(problem.rows) + found.least * len(begun.steps)
     problem = replace(problem, search=Searched(*found.misfit, found.rows, cost))
     if not found.rankings:

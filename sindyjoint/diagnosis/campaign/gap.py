@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign import GapRun
 from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
-from sindyjoint.diagnosis.campaign.measure import continuation_gap
 from sindyjoint.diagnosis.campaign.numbers import number_columns
+from sindyjoint.diagnosis.campaign.refined import continuation_gap
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.repair import (
     about_zero,

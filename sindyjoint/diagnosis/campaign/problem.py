@@ -21,15 +21,15 @@ from sindyjoint.diagnosis.campaign.gap import (
     response_error,
     run_gaps,
 )
-from sindyjoint.diagnosis.campaign.measure import (
+from sindyjoint.diagnosis.campaign.numbers import from_whole, is_element, nuisances_of, whole_model
+from sindyjoint.diagnosis.campaign.other_starts import ZERO, discovered, zero_start
+from sindyjoint.diagnosis.campaign.refined import (
     begun_with,
     mean_square,
     on_response,
     ranked_on_response,
     simplest,
 )
-from sindyjoint.diagnosis.campaign.numbers import from_whole, is_element, nuisances_of, whole_model
-from sindyjoint.diagnosis.campaign.other_starts import ZERO, discovered, zero_start
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.rivals import separating_runs

@@ -340,12 +340,15 @@ class Ranking(Generic[C]):
     nothing : float
     members : tuple of Candidate
         The best one and those that the data cannot distinguish from it.
+    near : tuple of Candidate
+        Those that errors of processed motion may have put behind the best one, and that one.
     """
 
     fitted: tuple[C, ...]
     probabilities: tuple[float, ...]
     nothing: float
     members: tuple[C, ...]
+    near: tuple[C, ...] = ()
 
 
 def rise(later: Score, fewer: Score) -> float:
