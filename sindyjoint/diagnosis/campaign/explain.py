@@ -26,7 +26,7 @@ from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
 LONGEST = DISCOVERY.longest_delay  # that the linear steps may reach
-# Nats by which rows have preferred a foreign form of hysteresis: 41 where runs repeat (1 % noise), 120 under sweeps.
+# Nats by which rows of runs that repeat may prefer a foreign form of hysteresis: 41 were seen, at 1 % noise.
 FAVOURED = 120.0
 
 
@@ -328,7 +328,8 @@ def ranked(ev: CampaignEvidence, search: Search, best: Chosen, member: Candidate
     nothing = odds_of(best, without)
     fitted = [ev.fitted(each)[-1] for each in sets]
     alike = [True, *(search.alike(best, each) for each in rivals)]
-    near = [each.score.total > best.score.total - FAVOURED for each in sets]
+    least = best.score.total - (FAVOURED if all(run.folded for run in ev.runs) else np.inf)
+    near = [each.score.total > least for each in sets]
     whole = odds.sum() + nothing
     return Ranking(
         fitted=tuple(fitted),

@@ -33,8 +33,9 @@ from sindyjoint.response import corrected, simulated_gap
 from sindyjoint.response.refinement import FINELY, Refinement, misfit_nearby, refine
 from sindyjoint.states import campaign_states, one_after_another
 
-# Samples along which forms of an element are simulated; share of a sum of squares that fits win after a few steps.
-SIMULATED, UNFINISHED = 20_000, 0.005
+# Samples along which forms of an element are simulated; share of a sum of squares that fits win after a few steps, and
+# that the noise of a drive makes alike.
+SIMULATED, UNFINISHED, OF_DRIVE = 20_000, 0.005, 0.0025
 
 # Both import this module: the problem of a campaign, and what a search of it found.
 Problem = Any
@@ -143,11 +144,15 @@ def forms_on_response(
     left = np.array([_misfit_nearby(short, each) for each in laws])
     if not np.isfinite(left[:-1].min(initial=np.inf)):
         return None
+    sure = all(s.method == "periodic" for s in work.states)
     # Further steps may put what is near in front, and what the rows prefer.
-    for i in {0, *np.flatnonzero(left[:-1] < (1 + UNFINISHED) * left[:-1].min()).tolist()}:
+    for i in {0, *np.flatnonzero(left[:-1] < (1 + UNFINISHED) * left[:-1].min()).tolist()} if sure else ():
         left[i] = _misfit_nearby(short, laws[i], FINELY)
     numbers = np.array([form.variant.degrees for form in forms] + [0])
     totals = -0.5 * (np.minimum(left / left.min(), FARTHEST) * samples + numbers * np.log(samples))
+    if not sure:  # the noise of a drive that does not repeat is in the response
+        totals[0] = max(totals)
+        totals = np.minimum(totals + 0.5 * OF_DRIVE * samples, totals[0])
     *scores, alone = (Score(np.array([total]), np.array([samples]), 0.0, 1.0) for total in totals)
     plainest = sorted(range(len(forms)), key=lambda i: (numbers[i], left[i]))
     order = rank([(forms[i], scores[i]) for i in plainest], alone, work.policy.rival_nats)
@@ -227,10 +232,12 @@ def told_by_response(found: Found, given: Sequence[FittedEffect], say: Say) -> F
 def one_by_response(problem: Problem, found: Found, say: Say) -> Found:
     """Return, in the place of several effects, the one that alone leaves no more than noise of the simulated response.
 
-    What the processing does to a column looks like another effect beside it, or an error of a channel.
+    What the processing does to the column of one looks like another beside it, or like an error of the inertia. Asked
+    where runs repeat: elsewhere the noise of the drive is in the response.
     """
     work, given = problem.work, [each for each in problem.found if not each.shifts]
-    if len(found.rankings) < 2 or work.campaign.moves_freely or len(given) < len(problem.found):
+    several = len(found.effects) > 1 and not found.shifts and len(given) == len(problem.found)
+    if not several or any(s.method != "periodic" for s in work.states):
         return found
     say("single effects on the simulated response")
     ev = CampaignEvidence(work.plain, work.model, problem.candidates, given, work.policy.sticking_share)
@@ -246,7 +253,7 @@ def one_by_response(problem: Problem, found: Found, say: Say) -> Found:
     best, score = told[0].fitted[0], score_of(work.plain, work.model, [*given, told[0].fitted[0]])
     misfit = found.misfit[0], float(score.chi_square.sum())
     return replace(
-        found, work=work, shifts=[], effects=[best], rankings=[told[0]], misfit=misfit, total=score.total,
+        found, work=work, effects=[best], rankings=[told[0]], misfit=misfit, total=score.total,
         rows=ev.evidence.target.size,
     )  # fmt: skip
 
