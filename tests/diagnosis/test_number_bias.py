@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from sindyjoint import diagnose
+from sindyjoint import INTER_PANEL, diagnose, virtual_campaign
 from sindyjoint.diagnosis import load_effects, select_effects
+from sindyjoint.diagnosis.campaign.designs import hidden_law
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from tests.diagnosis.hidden_effects import hide
 from tests.seeds import seeds
@@ -54,3 +56,20 @@ def test_a_delay_beside_an_element_leaves_their_numbers_right(seed):
     assert abs(delay.number.value - hidden.parameters[0]) < 3 * delay.number.standard_error
     assert abs(damping.coefficient - hidden.plan.law.c1) < 3 * damping.standard_error
     assert found.final.response < 1.5 * found.noise_floor.response
+
+
+@pytest.mark.parametrize("name", ["jenkins_element", "backlash_play"])
+def test_the_form_of_an_element_is_that_of_the_simulated_response(name):
+    # 1 % of noise hides the harmonics of the corners. Along the rest Bouc and Wen's law and Iwan's are as good as the
+    # Jenkins element, and play is a Maxwell branch, an inertia error and a Jenkins element (seed 3).
+    generator, frequencies = np.random.default_rng(3), [3.0, 5.0]
+    law = hidden_law(name, INTER_PANEL, 0.92 * INTER_PANEL.softening_angle, frequencies, generator)
+    made = {"frequencies": frequencies, "noise": 0.01, "duration": 4.0, "sample_rate": 500.0}
+    found = diagnose(virtual_campaign(hidden=law, rng=generator, **made), advise=False)
+    (step,) = found.steps
+    assert found.verdict == "named" and step.members == (name,) and step.probability > 0.9
+    numbers = {number.name: number for number in found.whole.elements[0].numbers}
+    for name, value in law.parameters.items():
+        number = numbers.get(name.removeprefix("p0_"))
+        # Within four standard errors: two elements of three numbers.
+        assert number is None or abs(number.value - value) < 4 * number.standard_error
