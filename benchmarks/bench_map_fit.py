@@ -58,9 +58,9 @@ def one(drive: str, noise: float, seed: int, n: int) -> dict[str, np.ndarray]:
     found = discover(campaign, library="paper", threshold=0.0, correct=False)
     fixed = discover(campaign, library="paper", threshold=0.0)
     return {
-        f"map {n} × {n}": paper_way(campaign, n) / truth - 1,
-        "this package": found.model.coefficients / truth - 1,
-        "bias corrected": fixed.model.coefficients / truth - 1,
+        "map": paper_way(campaign, n) / truth - 1,
+        "samples": found.model.coefficients / truth - 1,
+        "corrected": fixed.model.coefficients / truth - 1,
     }
 
 

@@ -69,8 +69,8 @@ def row(what, seconds, error=None, ratio=None):
 def first_uses() -> Iterator[dict]:
     for name, code in FIRST_USES.items():
         anew, cached = first_use(code)
-        yield row(f"first use in a process: {name}, compiled anew", anew)
-        yield row(f"first use in a process: {name}, from the cache", cached)
+        yield row(f"{name}, first use, compiled", anew)
+        yield row(f"{name}, first use, cached", cached)
 
 
 def single_joint() -> Iterator[dict]:
@@ -88,7 +88,7 @@ def single_joint() -> Iterator[dict]:
         options = {"parameters": sets, "rtol": rtol, "threads": 1}
         seconds = best(partial(simulate_many, INTER_PANEL, [DRIVE], DURATION, RATE, **options))
         ours.append((error(motion.angle), seconds / len(sets)))
-        yield row(f"single joint, tolerance {rtol:.0e}", ours[-1][1], ours[-1][0])
+        yield row(f"single joint, {rtol:.0e}", ours[-1][1], ours[-1][0])
 
     def moment(t):
         return AMPLITUDE * np.sin(2 * np.pi * FREQUENCY * t)
@@ -98,14 +98,14 @@ def single_joint() -> Iterator[dict]:
         angle, _ = solve_stick_slip(INTER_PANEL, moment, DURATION, time_axis, rtol=rtol, method=method)
         seconds, deviation = time.process_time() - start, error(angle)
         equal = min((s for e, s in ours if e <= deviation), default=ours[-1][1])
-        yield row(f"solve_ivp, {method}, tolerance {rtol:.0e}", seconds, deviation, seconds / equal)
+        yield row(f"solve_ivp {method}, {rtol:.0e}", seconds, deviation, seconds / equal)
 
 
 def structures() -> Iterator[dict]:
     for name in ("pulse-rig", "four-panel-wing"):
         rig = load_rig(name)
         rig.respond()
-        yield row(f"{name}, 20 s", best(rig.respond, 3))
+        yield row(name, best(rig.respond, 3))
     import pytest
     from test_structure import chain, opensees_pulse, respond
 
@@ -113,13 +113,13 @@ def structures() -> Iterator[dict]:
     run = lambda: respond(structure, pulse(65.0, 0.005), duration=5.0)  # noqa: E731
     run()
     ours = best(run, 3)
-    yield row("structure with a linear joint, 5 s", ours)
+    yield row("linear joint, beams", ours)
     try:
         theirs = best(lambda: opensees_pulse(None), 1)
     except pytest.skip.Exception as error:
         print(f"OpenSees: {error}")
     else:
-        yield row("the same, OpenSees", theirs, ratio=theirs / ours)
+        yield row("OpenSees, the same", theirs, ratio=theirs / ours)
 
 
 if __name__ == "__main__":

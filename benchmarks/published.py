@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.bench_round_trip import part_of, with_runs_kept_out  # noqa: E402
 
 COLLECTION = "nonlinearbenchmark.org"
-BASELINES = "Champneys et al. 2024 (arXiv 2405.10779)"
+BASELINES = "[C]"  # Champneys et al. 2024 (arXiv 2405.10779)
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def described(folder: Path):
 SETS = (
     Benchmark(
         "emps", "discover", (20, 100), emps("DATA_EMPS.mat"), {"pulses": emps("DATA_EMPS_PULSES.mat")}, last(1 / 3),
-        {"pulses": f"5.17 (best), 5.5 (linear): {BASELINES}; 9.7 (owners)"},
+        {"pulses": f"5.17 (best), 5.5 (linear) {BASELINES}; 9.7 (owners)"},
         1e3, "mm",
     ),
     Benchmark(
@@ -181,9 +181,9 @@ SETS = (
         },
         last(1 / 3),
         {
-            "multisine": f"0.301 (best): {BASELINES}",
-            "arrow": f"0.60 (best): {BASELINES}",
-            "arrow, no extrapolation": f"0.259 (best): {BASELINES}",
+            "multisine": f"0.301 (best) {BASELINES}",
+            "arrow": f"0.60 (best) {BASELINES}",
+            "arrow, no extrapolation": f"0.259 (best) {BASELINES}",
         },
         1e3, "mV",
     ),

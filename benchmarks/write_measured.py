@@ -63,7 +63,15 @@ def rows_of(table: Mapping[str, Any]) -> list[list[str]]:
     names = table["results"]
     records = [each for name in names for each in json.loads((RESULTS / name).read_text("utf-8"))]
     shown = [each for each in records if each.get("kind") in table.get("kinds", [each.get("kind")])]
-    return [[formatted(cell, record) for cell in table["cells"]] for record in shown]
+    # What a head says in brackets is left out below it.
+    units = [" %" if "(%)" in title else None for title in table["columns"]]
+    return [
+        [
+            formatted(cell, each).replace(unit or "\n", "")
+            for cell, unit in zip(table["cells"], units, strict=True)
+        ]
+        for each in shown
+    ]
 
 
 def row(cells: list[str]) -> str:
