@@ -222,8 +222,8 @@ def test_goals_may_be_mixed_and_what_the_paper_asks_is_a_goal_of_its_own():
 
 @pytest.fixture(scope="module")
 def hidden():
-    """A joint with a Maxwell branch that its campaign, with 5 % noise, does not tell from a fractional damper."""
-    return hide("maxwell_branch", 3999, duration=4.0, noise=0.05)
+    """A joint with a Maxwell branch that its campaign, with 10 % noise, does not tell from a fractional damper."""
+    return hide("maxwell_branch", 3999, duration=4.0, noise=0.1)
 
 
 PAIR = ("maxwell_branch", "fractional_damping")

@@ -144,7 +144,7 @@ def test_only_runs_that_do_not_repeat_are_refined_unasked(monkeypatch, runs, swe
     options = {"library": "paper", "random_state": 0}
     found = discover_rig(rig_test(sweeps), refine=refine, **options)
     assert asked == [starts] * (starts > 0)
-    assert any("intervals by regression hold the noise" in line for line in found.warnings)
+    assert any("intervals of the regression include the sensors' noise" in line for line in found.warnings)
     if refine is None:
         assert not any("intervals" in line for line in discover_rig(rig_test(runs[:2]), **options).warnings)
         assert len(asked) == 1
