@@ -145,6 +145,22 @@ def test_a_matlab_array_of_far_more_rows_than_bytes_is_refused(tmp_path, value):
         read_table(tmp_path / "run.mat")
 
 
+def test_a_chunk_too_short_for_its_checksum_is_refused(tmp_path):
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file.create_dataset("x", data=np.arange(64.0), chunks=(16,), fletcher32=True)
+    assert columns_of(tmp_path / "run.h5")[0].size == 64
+    whole = (tmp_path / "run.h5").read_bytes()
+    # Size and filter mask of each chunk, as its index has them: 16 numbers and four bytes.
+    assert whole.count(struct.pack("<II", 132, 0)) == 4
+    (tmp_path / "run.h5").write_bytes(whole.replace(struct.pack("<II", 132, 0), struct.pack("<II", 1, 0), 1))
+    # HDF5 2.0.0 dies of it.
+    with pytest.raises(
+        InputError, match=r"run.h5: data set 'x' has a chunk of 1 bytes, too few for its checksum"
+    ):
+        columns_of(tmp_path / "run.h5")
+
+
 def test_a_matlab_file_cut_anywhere_is_read_or_refused(tmp_path):
     from scipy.io import savemat
 

@@ -241,6 +241,12 @@ def _vectors(
                     yield cell_name, cell.shape, cell.dtype.itemsize, get, told
 
 
+def _check_sum(said: str, chunk: Any) -> None:
+    """Refuse a chunk that is too short for its checksum: HDF5 reads beyond its end, and the process dies."""
+    if chunk.size < 4:
+        raise InputError(f"{said} has a chunk of {chunk.size} bytes, too few for its checksum: it is damaged")
+
+
 def _single_numbers(
     prefix: str, item: Any
 ) -> Iterator[tuple[str, tuple[int, ...], int, Callable[[Any], NDArray[Any]], dict[str, list[str]]]]:
@@ -262,6 +268,8 @@ def _get(path: Path, name: str, dataset: Any, field: str | None, index: Any) -> 
     """Return a part of a data set of which something was written: of one without, HDF5 gives zeros."""
     if dataset.size and not dataset.id.get_storage_size():
         raise InputError(f"{path}: data set {name!r:.60} has room for numbers, and none were written")
+    if dataset.fletcher32:
+        dataset.id.chunk_iter(partial(_check_sum, f"{path}: data set {name!r:.60}"))
     return np.asarray((dataset if field is None else dataset.fields(field))[index])
 
 
