@@ -92,7 +92,7 @@ def _warn_of_evidence(
         (
             model.terms and fitted.misfit > EQUATION.tolerated,
             f"the model explains {explained:.1f} % of the mean square {load}; {100 * fitted.misfit:.1f} % of the RMS "
-            f"{load} {rest}: hysteresis, play or another effect outside this library is likely",
+            f"{load} {rest}: hysteresis, play or another effect outside this library is likely: diagnose the campaign",
         ),
     ]
     yield from (words for there, words in warnings if there)
@@ -105,7 +105,7 @@ def _word_delay(delay: ChannelDelay, model: JointModel, aligned: bool) -> str:
     if delay.at_limit:
         return (
             f"the delay between {load} and {path} is not determined: the search ended at its limit of "
-            f"{1e3 * abs(delay.time):.0f} ms"
+            f"{1e3 * abs(delay.time):.0f} ms; check the trigger of the recorder"
         )
     if aligned:
         return said_of_removed(delay, model.joint.motion)
@@ -146,12 +146,14 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
             "gain in [channels]"
         )
     elif backwards:
-        line = "the elastic stiffness is negative in every run: a channel may be reversed, or the inertia too large"
+        line = (
+            "the elastic stiffness is negative in every run: check the signs of the channels, and the inertia"
+        )
         yield in_words_of(model.joint.motion, line)
     elif feeding:
         yield (
-            "the joint gives off energy in every run (negative dissipation): a channel may be reversed or the "
-            f"{load_and_path[0]} may lead the {load_and_path[1]} in time"
+            "the joint gives off energy in every run (negative dissipation): check the signs of the channels, and "
+            f"whether the {load_and_path[0]} leads the {load_and_path[1]}"
         )
     else:
         yield from warn_of_negative_damping(model)
@@ -166,7 +168,7 @@ def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
     yield (
         f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {unit}: the "
         f"{channel_words(model)[0]} falls as the {rate} grows, as friction does that is larger near standstill "
-        "(Stribeck); beyond the tested range the model gives off energy"
+        "(Stribeck); keep to the tested range: beyond it the model gives off energy"
     )
 
 
@@ -194,7 +196,7 @@ def _warn_of_softening(model: JointModel) -> Iterator[str]:
         unit, moment = quantities(model.joint.motion).angle_unit, channel_words(model)[0]
         yield (
             f"the elastic {moment} softens to zero tangent at {beyond.min():.3g} {unit}, inside the tested range of "
-            f"{top:.3g} {unit}: a {moment}-driven joint snaps through there"
+            f"{top:.3g} {unit}: a {moment}-driven joint snaps through there; stay below it"
         )
 
 
@@ -241,7 +243,8 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         (one_level, "one level only: effects of amplitude cannot be distinguished; record another"),
         (
             campaign.quasi_static,
-            "the noise was estimated from neighbouring samples of the path, not from repetition",
+            "the noise was estimated from neighbouring samples of the path, not from repetition; go through a cycle "
+            "twice to measure it",
         ),
         (
             once and not campaign.quasi_static,
@@ -256,7 +259,7 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         (
             late,
             f"{100 * max(dropped.values(), default=0.0):.0f} % of the record was left out as start-up in "
-            f"{list_some(late)}: what changed in that time was not examined",
+            f"{list_some(late)}: what changed in that time was not examined; let the motion settle before recording",
         ),
     ]
     return [*campaign.warnings, *(words for there, words in notes if there)]
