@@ -232,11 +232,13 @@ def told_by_response(found: Found, given: Sequence[FittedEffect], say: Say) -> F
 def one_by_response(problem: Problem, found: Found, say: Say) -> Found:
     """Return, in the place of several effects, the one that alone leaves no more than noise of the simulated response.
 
-    What the processing does to the column of one looks like another beside it, or like an error of the inertia. Asked
-    where runs repeat: elsewhere the noise of the drive is in the response.
+    What the processing does to the column of one looks like an error of the inertia, and more beside it. Asked where
+    runs repeat, elsewhere the noise of the drive is in the response; and of sets that are no law, which is what they
+    are told by: a small effect of a joint beside a large one is seen by the rows alone.
     """
     work, given = problem.work, [each for each in problem.found if not each.shifts]
     several = len(found.effects) > 1 and not found.shifts and len(given) == len(problem.found)
+    several = several and not all(each.is_term or is_element(each) for each in found.effects)
     if not several or any(s.method != "periodic" for s in work.states):
         return found
     say("single effects on the simulated response")
