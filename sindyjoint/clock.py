@@ -19,39 +19,6 @@ R = TypeVar("R")
 Other = TypeVar("Other")
 
 
-class ProcessorTime:
-    """Processor time of this process while it is entered, and of what others did for it.
-
-    Others are those that :func:`sindyjoint.parallel.side_by_side` gives tasks to. Wall time would say how busy a
-    machine is, and not what was asked of it.
-    """
-
-    def __init__(self) -> None:
-        self.elsewhere = 0.0
-        self.work = 0.0
-        self._start = time.process_time()
-        self._counting = threading.Lock()
-
-    @property
-    def seconds(self) -> float:
-        """Spent so far."""
-        return time.process_time() - self._start + self.elsewhere
-
-    def count(self, work: float, elsewhere: float = 0.0) -> None:
-        """Count work that was done, and processor time that others took for it."""
-        with self._counting:
-            self.work += work
-            self.elsewhere += elsewhere
-
-    def __enter__(self) -> Self:
-        self.elsewhere, self.work, self._start = 0.0, 0.0, time.process_time()
-        self._token = _clocks.set((*_clocks.get(), self))
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        _clocks.reset(self._token)
-
-
 class Spent(Exception):
     """What a stage may cost is used up.
 
@@ -63,11 +30,13 @@ class Spent(Exception):
         self.portion = portion
 
 
-class Portion(ProcessorTime):
+class Portion:
     """What a stage may cost: work that is counted alike on every machine, and processor time as a last resort.
 
     A task whose work is more than what remains ends without a result, whatever it was about when that came out: who did
-    which part of it first, and on how many processors, makes no difference.
+    which part of it first, and on how many processors, makes no difference. Processor time is that of this process
+    while the portion is entered, and of those that :func:`sindyjoint.parallel.side_by_side` gives tasks to: wall time
+    would say how busy a machine is, and not what was asked of it.
 
     Parameters
     ----------
@@ -84,21 +53,25 @@ class Portion(ProcessorTime):
         What was not finished or not begun.
     """
 
-    def __init__(self, work: float, seconds: float) -> None:
-        super().__init__()
+    def __init__(self, work: float = math.inf, seconds: float = math.inf) -> None:
         self.most_work, self.most_seconds = work, seconds
         self.stopped = ""
         self.left_out: list[str] = []
-        self._running, self._before = False, 0.0
+        self.work = self.elsewhere = self._before = 0.0
+        self._start: float | None = None
+        self._counting = threading.Lock()
 
     @property
     def seconds(self) -> float:
         """Spent so far, in all its tasks."""
-        return self._before + (super().seconds if self._running else 0.0)
+        now = 0.0 if self._start is None else time.process_time() - self._start
+        return self._before + now + self.elsewhere
 
     def count(self, work: float, elsewhere: float = 0.0) -> None:
-        """Count work that was done; Spent where that was all that may be."""
-        super().count(work, elsewhere)
+        """Count work that was done, and processor time of others for it; Spent where that was all that may be."""
+        with self._counting:
+            self.work += work
+            self.elsewhere += elsewhere
         if self.work >= self.most_work:
             self.stopped = "after as much work as is allowed on any machine"
         elif not self.stopped and self.seconds >= self.most_seconds:
@@ -128,17 +101,17 @@ class Portion(ProcessorTime):
         return otherwise
 
     def __enter__(self) -> Self:
-        work, self._before = self.work, self.seconds
-        super().__enter__()
-        self.work, self._running = work, True
+        self._start = time.process_time()
+        self._token = PORTIONS.set((*PORTIONS.get(), self))
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._before, self._running = self.seconds, False
-        super().__exit__(*error)
+        self._before, self._start = self.seconds - self.elsewhere, None
+        PORTIONS.reset(self._token)
 
 
-_clocks: ContextVar[tuple[ProcessorTime, ...]] = ContextVar("clocks", default=())
+#: Those that are entered here.
+PORTIONS: ContextVar[tuple[Portion, ...]] = ContextVar("portions", default=())
 
 
 def spend(samples: float) -> None:
@@ -147,8 +120,8 @@ def spend(samples: float) -> None:
     A piece is a trial of numbers along recorded samples, or a simulation, of which each step counts
     :data:`STEP_SAMPLES` samples.
     """
-    for clock in _clocks.get():
-        clock.count(samples)
+    for portion in PORTIONS.get():
+        portion.count(samples)
 
 
 #: Samples of a trial that take as long as one step of a simulation, about.
@@ -160,9 +133,8 @@ STEP_SAMPLES = 5.0
 Allowance = tuple[float, float, int]
 
 
-def allowance(clocks: Sequence[ProcessorTime]) -> Allowance:
-    """Return what remains of the portions among some clocks."""
-    portions = [clock for clock in clocks if isinstance(clock, Portion)]
+def allowance(portions: Sequence[Portion]) -> Allowance:
+    """Return what remains of some portions."""
     work = min((portion.most_work - portion.work for portion in portions), default=math.inf)
     return work, min((p.most_seconds - p.seconds for p in portions), default=math.inf), os.getpid()
 
@@ -178,11 +150,6 @@ def run_timed(function: Callable[..., R], given: Allowance, *arguments: Any) -> 
     start, portion = time.thread_time(), Portion(work, seconds)
     result: Any = portion.do(lambda: function(*arguments), None, "")
     return result, portion.work, time.thread_time() - start
-
-
-def clocks_running() -> tuple[ProcessorTime, ...]:
-    """Return the clocks that are entered here."""
-    return _clocks.get()
 
 
 T = TypeVar("T")
@@ -254,7 +221,7 @@ def on_threads(work: Callable[[T], R], tasks: Sequence[T]) -> list[R]:
     Parameters
     ----------
     work : callable
-        Does one task in compiled code that lets other threads run. Clocks run on in every thread.
+        Does one task in compiled code that lets other threads run. Portions are those of every thread.
     tasks : sequence
     """
     with single_threaded():

@@ -18,8 +18,8 @@ from functools import partial
 from typing import Any, TypeVar
 
 from sindyjoint.clock import (
+    PORTIONS,
     allowance,
-    clocks_running,
     interruption_held,
     on_threads,
     run_timed,
@@ -101,12 +101,12 @@ def side_by_side(function: Callable[..., R], tasks: Sequence[T], threads: bool =
     with ``threads=False`` one after the other.
     """
     there = _here.get() or (_threads if threads else _serial)
-    clocks = clocks_running()
-    if not clocks:
+    portions = PORTIONS.get()
+    if not portions:
         return ordered_map(there, function, tasks)
-    timed = ordered_map(there, partial(run_timed, function, allowance(clocks)), tasks)
-    for clock in clocks:
-        clock.count(sum(work for _, work, _ in timed), sum(seconds for _, _, seconds in timed))
+    timed = ordered_map(there, partial(run_timed, function, allowance(portions)), tasks)
+    for portion in portions:
+        portion.count(sum(work for _, work, _ in timed), sum(seconds for _, _, seconds in timed))
     # Where an allowance was used up, so was the portion, which has said so.
     return [result for result, _, _ in timed]
 

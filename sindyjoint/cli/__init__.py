@@ -14,7 +14,7 @@ from typing import TextIO
 
 from sindyjoint.hooks import fetched
 
-__getattr__ = fetched(__name__, {"app": "make_app", "options": "default_of given", "answer": "Progress"})
+__getattr__ = fetched(__name__, {"app": "make_app", "options": "given", "answer": "Progress"})
 
 # Error handler and codec as Python knows them.
 SPELLED = "sindyjoint.spelled"

@@ -14,8 +14,6 @@ import typer
 from sindyjoint.cli.answer import AsJson, ForceOption, Progress
 from sindyjoint.cli.options import (
     AtOption,
-    constant_of,
-    default_of,
     given,
     given_inputs,
     split_pairs,
@@ -113,9 +111,6 @@ def _ask(question: Question) -> str:
     return typer.prompt(question.text, default=question.guess, err=True)
 
 
-TARGETS = tuple(constant_of("export:TARGETS"))
-
-
 def export(
     model: Annotated[
         Path,
@@ -130,7 +125,7 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
-            help=f"{', '.join(TARGETS[:-1])} or {TARGETS[-1]}.",
+            help="ansys, abaqus, nastran, simscape, opensees, mujoco, fmu, python, c, latex, json or samples.",
             show_default=False,
         ),
     ],
@@ -212,8 +207,6 @@ def _only_text(result: Export) -> str:
     raise InputError(f"{result.target} is {what} ({names}); say with --out where it goes{hold}")
 
 
-WIDTH: float = default_of("reporting.registry:draw", "width")
-DPI: int = default_of("reporting.style:figure_bytes", "dpi")
 FORMATS = ("svg", "pdf", "png")
 
 
@@ -238,8 +231,8 @@ def plot(
     width: Annotated[
         float,
         typer.Option(min=2.5, max=20, help="Width in inches: 3.5 for one column of a paper, 7 for two."),
-    ] = WIDTH,
-    dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = DPI,
+    ] = 7.0,
+    dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = 300,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is no figure of ours.")] = False,
     *,
     progress: Progress,

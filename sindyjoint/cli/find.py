@@ -12,14 +12,12 @@ import typer
 
 from sindyjoint.cli.answer import Output, Progress, answer, call, read, write
 from sindyjoint.cli.options import (
-    DISCOVER,
     AcceptOption,
     AlignOption,
     CampaignPath,
     CandidatesOption,
     Finding,
     Work,
-    default_of,
     given,
     refuse_other_options,
     with_blocks,
@@ -143,7 +141,7 @@ def discover(
             "--correct/--no-correct",
             help="Complete the motion by a simulation of the model with what its processing cuts off.",
         ),
-    ] = default_of(DISCOVER, "correct"),
+    ] = True,
     refine: Annotated[
         bool | None,
         typer.Option(
@@ -167,7 +165,7 @@ def discover(
     ] = None,
     paper: Annotated[
         bool, typer.Option("--paper", help="Put the question of the paper's five terms first.")
-    ] = default_of(DISCOVER, "paper"),
+    ] = False,
     random_state: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. [0]")] = None,
     work: Work,
     progress: Progress,
@@ -245,10 +243,6 @@ def _find_terms(
     return refined(result, refined_with)
 
 
-MOST = default_of("workflows.diagnose:diagnose", "max_effects")
-MOST_OF_RIG = default_of("workflows.diagnose:diagnose_structure", "max_effects")
-
-
 @with_blocks
 def diagnose(
     campaign: Annotated[
@@ -276,7 +270,7 @@ def diagnose(
         list[Path] | None, typer.Option("--library", "-l", help="A TOML file of further effects. Repeatable.")
     ] = None,
     max_effects: Annotated[
-        int | None, typer.Option(min=1, help=f"Most effects to add. [{MOST}; of a rig {MOST_OF_RIG}]")
+        int | None, typer.Option(min=1, help="Most effects to add. [4; of a rig 3]")
     ] = None,
     hold_out: Annotated[
         list[str] | None,

@@ -1,14 +1,11 @@
-"""Options that several commands share, declared once, and their defaults, read from the functions that are called."""
+"""Options that several commands share, declared once; defaults are those of the functions that are called."""
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -20,95 +17,16 @@ from sindyjoint.errors import InputError
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
 
-PACKAGE = Path(__file__).resolve().parents[1]
-
-
-def default_of(function: str, name: str) -> Any:
-    """Return the default of a parameter, from the source: to import the function takes seconds, and ``--help`` none.
-
-    Parameters
-    ----------
-    function : str
-        Module inside the package and function, or class, such as ``"workflows.discover:discover"``.
-    name : str
-        Of a parameter, or of a field of a dataclass.
-
-    Raises
-    ------
-    LookupError
-        If there is no such function, or no such parameter with a default that is a constant.
-    """
-    module, _, owner = function.partition(":")
-    if f"{owner}.{name}" not in _constants(module):
-        raise LookupError(f"{function} has no parameter {name!r} with a default")
-    return _value(_constants(module)[f"{owner}.{name}"], module)
-
-
-def constant_of(constant: str) -> Any:
-    """Return a constant from the source of its module, such as ``"export:TARGETS"``.
-
-    Raises
-    ------
-    LookupError
-        If there is none.
-    """
-    module, _, name = constant.partition(":")
-    return _value(_constants(module)[name], module)
-
 
 def given(**options: Any) -> dict[str, Any]:
     """Return the options that were given: the others keep the defaults of the function that is called."""
     return {name: value for name, value in options.items() if value is not None and value != []}
 
 
-@cache
-def _constants(module: str) -> dict[str, Any]:
-    """Return what a module assigns, and module and name of what it imports, by name; defaults as ``owner.name``."""
-    path = PACKAGE.joinpath(*module.split("."))
-    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    return _defined(ast.parse(path.read_text(encoding="utf-8")).body)
-
-
-def _defined(body: Sequence[ast.stmt], owner: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for node in body:
-        if isinstance(node, ast.ImportFrom) and node.module:
-            home = node.module.removeprefix("sindyjoint.")
-            found |= {alias.asname or alias.name: (home, alias.name) for alias in node.names}
-        elif isinstance(node, ast.ClassDef):
-            found |= _defined(node.body, f"{node.name}.")
-        elif isinstance(node, ast.FunctionDef):
-            known, prefix = node.args, owner if node.name == "__init__" else f"{node.name}."
-            pairs = [*zip(known.args[::-1], known.defaults[::-1]), *zip(known.kwonlyargs, known.kw_defaults)]  # noqa: B905
-            found |= {f"{prefix}{each.arg}": default for each, default in pairs if default is not None}
-        elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
-            sides: list[Any] = [node.targets[0] if isinstance(node, ast.Assign) else node.target, node.value]
-            several = all(isinstance(side, ast.Tuple) for side in sides)
-            names, values = ([*side.elts] if several else [side] for side in sides)
-            found |= {f"{owner}{ast.unparse(each)}": value for each, value in zip(names, values, strict=True)}
-    return found
-
-
-def _value(node: Any, module: str) -> Any:
-    """Return a constant, what the name of one stands for, or a limit of a policy, whose module is light."""
-    if isinstance(node, tuple):
-        home, name = node
-        return _value(_constants(home)[name], home)
-    if isinstance(node, ast.Attribute):
-        home, name = _constants(module)[ast.unparse(node.value)]
-        return getattr(getattr(import_module(f"sindyjoint.{home}"), name), node.attr)
-    return (
-        _value(_constants(module)[node.id], module) if isinstance(node, ast.Name) else ast.literal_eval(node)
-    )
-
-
 METHODS = (
     "stlsq", "best_subset", "backward", "coefficient_stlsq", "sr3", "ssr", "frols", "ensemble", "lasso_lars",
 )  # fmt: skip
 """Ways to make the path of models, as discovery has them."""
-
-
-REGRESSOR, DISCOVER = "discovery.regression:SelectionRules", "workflows.discover:discover"
 
 CampaignPath = Annotated[
     Path | None,
@@ -123,7 +41,7 @@ CandidatesOption = Annotated[
     typer.Option(
         "--library",
         "-l",
-        help=f"Candidate terms: name or path of a catalogue. Repeatable. [{default_of(DISCOVER, 'library')}]",
+        help="Candidate terms: name or path of a catalogue. Repeatable. [extended]",
     ),
 ]
 AlignOption = Annotated[
@@ -187,7 +105,7 @@ ClusterOption = Annotated[
 class Work:
     """Where tasks run: the options of every command that has many."""
 
-    jobs: JobsOption = default_of(DISCOVER, "jobs")
+    jobs: JobsOption = 1
     workers: WorkersOption = None
     cluster: ClusterOption = None
 
@@ -206,10 +124,10 @@ class Finding:
             metavar="NAME",
             help=f"How the path of models is made: {', '.join(METHODS)}; or pysindy:NAME for an optimizer of pysindy.",
         ),
-    ] = default_of(REGRESSOR, "method")
+    ] = "stlsq"
     selection: Annotated[
         Literal["evidence", "one_standard_error"], typer.Option(help="How one model of the path is chosen.")
-    ] = default_of(REGRESSOR, "selection")
+    ] = "evidence"
     threshold: Annotated[
         float | None,
         typer.Option(help="Least unique share of a term, instead of choosing by evidence."),
@@ -222,9 +140,9 @@ class Finding:
     ] = None
     states: Annotated[
         Literal["auto", "periodic", "broadband"], typer.Option(help="How rates are made of angles.")
-    ] = default_of(DISCOVER, "states")
+    ] = "auto"
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None
-    align: AlignOption = default_of(DISCOVER, "align")
+    align: AlignOption = False
 
     def arguments(self) -> dict[str, Any]:
         """Return what :func:`sindyjoint.discover` takes."""

@@ -8,14 +8,11 @@ from typing import Annotated, Any, Literal
 import typer
 
 from sindyjoint.cli.answer import Output, Progress, answer, call
-from sindyjoint.cli.options import default_of, given, with_blocks
+from sindyjoint.cli.options import given, with_blocks
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
 from sindyjoint.trust import PLACES
 
-PLAN = "workflows.plan:plan"
-SHARE: float = default_of(PLAN, "share")
-TIME: float = default_of(PLAN, "time")
 READ = ("moment", "angle")
 
 
@@ -65,7 +62,7 @@ def plan(
         ),
     ] = None,
     rate: Annotated[str | None, typer.Option(help="Sampling rate. [the campaign's, or 1000 Hz]")] = None,
-    time: Annotated[str | None, typer.Option(help=f"Duration of all runs to be made. [{TIME:g} s]")] = None,
+    time: Annotated[str | None, typer.Option(help="Duration of all runs to be made. [90 s]")] = None,
     run_time: Annotated[
         str | None, typer.Option("--run-time", help="Duration of each run. [an eighteenth of the time]")
     ] = None,
@@ -84,13 +81,11 @@ def plan(
     ] = None,
     share: Annotated[
         str | None,
-        typer.Option(help=f"Of the moment that an effect adds, before any data. [{SHARE:g}]"),
+        typer.Option(help="Of the moment that an effect adds, before any data. [0.06]"),
     ] = None,
     terms: Annotated[list[str] | None, typer.Option("--term", help="That matters. [all]")] = None,
     until: Annotated[str | None, typer.Option(help="Relative half-width that is enough: '5 %'.")] = None,
-    random_state: Annotated[int, typer.Option(min=0, help="Seed of the joints drawn.")] = default_of(
-        PLAN, "rng"
-    ),
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of the joints drawn.")] = 0,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -108,7 +103,7 @@ def plan(
     Example: sindyjoint plan --range "linear_stiffness=5..8 kN*m/rad" --limit "moment=6 N*m" --time "2 min" --out plan
     """
     find = call(
-        PLAN,
+        "workflows.plan:plan",
         like,
         model=model,
         campaign=campaign,
@@ -220,9 +215,6 @@ def _ranges(texts: list[str]) -> dict[str, tuple[float, float]]:
     return {name: span(value, catalogue[name].unit, f"--range {name}") for name, value in pairs}
 
 
-CURVES = "workflows.curves:curves"
-
-
 @with_blocks
 def curves(
     subject: Annotated[
@@ -248,9 +240,7 @@ def curves(
         typer.Option("--level", help="Of a rig: amplitude of the force, '2 N'. May be repeated. [three]"),
     ] = None,
     band: Annotated[str | None, typer.Option(help="Of a rig: '3..6 Hz'. [around its first mode]")] = None,
-    modes: Annotated[
-        int, typer.Option(min=1, help="Of a rig: how many are followed over amplitude.")
-    ] = default_of(CURVES, "modes"),
+    modes: Annotated[int, typer.Option(min=1, help="Of a rig: how many are followed over amplitude.")] = 2,
     at: Annotated[str | None, typer.Option(help="Of a rig: where the force acts. [as the rig says]")] = None,
     point: Annotated[
         str | None, typer.Option(help="Of a rig: whose deflection the response is. [the rig's first]")
@@ -278,7 +268,7 @@ def curves(
     Example: sindyjoint curves pulse-rig --model results --level "0.4 N" --level "1.2 N" --out curves
     """
     find = call(
-        CURVES,
+        "workflows.curves:curves",
         subject,
         model=model or (),
         frequencies=[parse_quantity(text, "Hz", "--frequency") for text in frequencies or []],

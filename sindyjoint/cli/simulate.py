@@ -11,7 +11,6 @@ import typer
 from sindyjoint.cli.answer import ForceOption, Progress
 from sindyjoint.cli.options import (
     AtOption,
-    default_of,
     given,
     given_inputs,
     refuse_other_options,
@@ -29,16 +28,6 @@ def _numbers(text: str, option: str) -> tuple[float, ...]:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
         raise InputError(f"{option} is {text!r}; expected numbers with commas between them") from None
-
-
-def _text(numbers: tuple[float, ...]) -> str:
-    return ",".join(f"{number:g}" for number in numbers)
-
-
-TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
-FREQUENCIES = _text(default_of(TEST, "frequencies"))
-LEVELS = _text(default_of(TEST, "levels"))
-NOISE: float = default_of(TEST, "noise")
 
 
 # What a virtual test of a rig takes; its runs and noise stand in the rig's file.
@@ -60,7 +49,7 @@ def simulate(
     ] = None,
     joint: Annotated[
         Literal["inter-panel", "panel-root"], typer.Option(help="The paper's joint to test.")
-    ] = default_of(TEST, "joint"),
+    ] = "inter-panel",
     model: Annotated[
         Path | None,
         typer.Option(
@@ -75,25 +64,21 @@ def simulate(
             help="plan.toml, or a folder with one: its runs, rate and noise instead of those of the options below."
         ),
     ] = None,
-    frequencies: Annotated[
-        str, typer.Option(help="Excitation frequencies in Hz, with commas.")
-    ] = FREQUENCIES,
+    frequencies: Annotated[str, typer.Option(help="Excitation frequencies in Hz, with commas.")] = "3,4,5,6",
     levels: Annotated[
         str, typer.Option(help="Peak angles as fractions of the softening limit, with commas.")
-    ] = LEVELS,
+    ] = "0.92,0.63,0.35",
     drive: Annotated[
         Literal["moment", "rig", "displacement"],
         typer.Option(help="Sinusoidal moment at the sensor, moment through a beam, or angle."),
-    ] = default_of(PLAN, "drive"),
-    noise: Annotated[float, typer.Option(help="White noise as a fraction of each channel's RMS.")] = NOISE,
+    ] = "moment",
+    noise: Annotated[float, typer.Option(help="White noise as a fraction of each channel's RMS.")] = 0.01,
     bits: Annotated[int | None, typer.Option(help="Resolution of the converter.")] = None,
-    sample_rate: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = default_of(
-        PLAN, "sample_rate"
-    ),
-    duration: Annotated[float, typer.Option(help="Length of each run in s.")] = default_of(PLAN, "duration"),
+    sample_rate: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = 1000.0,
+    duration: Annotated[float, typer.Option(help="Length of each run in s.")] = 10.0,
     settling: Annotated[
         float, typer.Option(help="Time in s that passes before the record begins; 0 keeps the start-up.")
-    ] = default_of(PLAN, "settling"),
+    ] = 0.0,
     skew: Annotated[
         float | None,
         typer.Option(
@@ -103,7 +88,7 @@ def simulate(
     ] = None,
     raw: Annotated[
         bool, typer.Option("--raw", help="Write strain gauges and laser spots, not moment and angle.")
-    ] = default_of(TEST, "raw_channels"),
+    ] = False,
     accelerometer: Annotated[
         Literal["instead", "beside"] | None,
         typer.Option(help="Measure the acceleration instead of the angle, or beside it."),
@@ -111,10 +96,10 @@ def simulate(
     drift: Annotated[
         float,
         typer.Option(help="Drift of the angle's sensor over a run, as a fraction of the angle's RMS."),
-    ] = default_of(PLAN, "angle_drift"),
+    ] = 0.0,
     format: Annotated[
         Literal["csv", "tsv", "npz", "parquet", "h5", "mat"], typer.Option(help="Format of the run files.")
-    ] = default_of("files.writers:write_campaign", "format"),
+    ] = "csv",
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,

@@ -17,10 +17,10 @@ from sindyjoint.cli.options import (
     CandidatesOption,
     Finding,
     Work,
-    default_of,
     given,
     with_blocks,
 )
+from sindyjoint.limits import DISCOVERY, JUDGEMENT
 from sindyjoint.text import printable
 
 if TYPE_CHECKING:
@@ -64,9 +64,6 @@ def check(
     answer(find, out, output, progress, subject=campaign, good=lambda result: not result.stopping)
 
 
-COMPARE = "workflows.compare:compare"
-
-
 @with_blocks
 def compare(
     campaign: CampaignPath = None,
@@ -95,18 +92,16 @@ def compare(
     ] = None,
     replicates: Annotated[
         int, typer.Option(help="Resampled campaigns behind the inclusion probabilities.")
-    ] = default_of(COMPARE, "replicates"),
+    ] = 500,
     margin: Annotated[
         float,
         typer.Option(help="Relative change of a coefficient over the tested band that would not matter."),
-    ] = default_of(COMPARE, "margin"),
+    ] = DISCOVERY.margin,
     accept: AcceptOption = None,
     align: AlignOption = False,
     *,
     output: Output,
-    random_state: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = default_of(
-        COMPARE, "rng"
-    ),
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     work: Work,
     progress: Progress,
 ) -> None:
@@ -121,17 +116,14 @@ def compare(
         from sindyjoint.files.campaign import LONGEST
 
         return call(
-            COMPARE, read(campaign, LONGEST), **given(library=library, methods=method, accept=accept), model=model,
-            align=align, replicates=replicates, margin=margin, rng=random_state, progress=progress.say,
-            **work.arguments(),
+            "workflows.compare:compare", read(campaign, LONGEST), model=model, align=align, replicates=replicates,
+            margin=margin, rng=random_state, progress=progress.say, **work.arguments(),
+            **given(library=library, methods=method, accept=accept),
         )()  # fmt: skip
 
     answer(
         find, out, output, progress, random_state, (), campaign, model, good=lambda result: result.model.terms
     )
-
-
-CHANGED = "workflows.compare:changed"
 
 
 @with_blocks
@@ -147,7 +139,7 @@ def changed(
     ],
     margin: Annotated[
         float, typer.Option(help="Relative change of a coefficient that would not matter.")
-    ] = default_of(CHANGED, "margin"),
+    ] = JUDGEMENT.margin,
     same_sensors: Annotated[
         bool,
         typer.Option(
@@ -173,13 +165,10 @@ def changed(
     Example: sindyjoint changed before after --margin 0.05
     """
     find = call(
-        CHANGED, before, after, margin=margin, same_sensors=same_sensors, **given(accept=accept),
+        "workflows.compare:changed", before, after, margin=margin, same_sensors=same_sensors, **given(accept=accept),
         rng=random_state, progress=progress.say,
     )  # fmt: skip
     answer(find, out, output, progress, random_state, (before, after), good=lambda result: not result.changed)
-
-
-VERIFY = "workflows.verify:verify"
 
 
 @with_blocks
@@ -194,14 +183,14 @@ def verify(
     ],
     tolerance: Annotated[
         float, typer.Option(help="Largest response NRMSE beyond the noise floor that passes.")
-    ] = default_of(VERIFY, "tolerance"),
+    ] = JUDGEMENT.tolerated,
     draws: Annotated[
         int,
         typer.Option(help="Sets of coefficients drawn for the band of the simulated response; 0: no band."),
-    ] = default_of(VERIFY, "draws"),
+    ] = 20,
     window: Annotated[
         float, typer.Option(help="Time in s between restarts of a joint that nothing pulls back.")
-    ] = default_of(VERIFY, "window"),
+    ] = 1.0,
     free_run: Annotated[
         int | None,
         typer.Option(
@@ -229,9 +218,7 @@ def verify(
     align: AlignOption = False,
     *,
     output: Output,
-    random_state: Annotated[int, typer.Option(min=0, help="Seed of draws and sensor noise.")] = default_of(
-        VERIFY, "rng"
-    ),
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of draws and sensor noise.")] = 0,
     progress: Progress,
 ) -> None:
     """Simulate a model and hold it against measured response.
@@ -246,8 +233,8 @@ def verify(
     Example: sindyjoint verify results/model.json pulse-rig
     """
     find = call(
-        VERIFY, model, against, **given(accept=accept), align=align, tolerance=tolerance, draws=draws,
-        window=window, free_run=free_run, noise=noise, presliding=presliding, loss_factor=loss_factor,
+        "workflows.verify:verify", model, against, **given(accept=accept), align=align, tolerance=tolerance,
+        draws=draws, window=window, free_run=free_run, noise=noise, presliding=presliding, loss_factor=loss_factor,
         rng=random_state, progress=progress.say,
     )  # fmt: skip
     answer(find, out, output, progress, random_state, (), against, model, good=lambda result: result.passed)
@@ -280,7 +267,6 @@ def rig(
 
 
 reproductions = typer.Typer(rich_markup_mode=None)
-REPRODUCE = "workflows.reproduce:reproduce"
 
 
 @reproductions.callback(invoke_without_command=True)
@@ -293,9 +279,7 @@ def reproduce(
     ] = None,
     *,
     output: Output,
-    random_state: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = default_of(
-        REPRODUCE, "rng"
-    ),
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = 0,
     progress: Progress,
 ) -> None:
     """Make the paper's tables and figures from virtual tests of its two joints, next to its numbers.
@@ -307,7 +291,7 @@ def reproduce(
     if context.invoked_subcommand is not None:
         return
 
-    find = call(REPRODUCE, random_state, progress.say)
+    find = call("workflows.reproduce:reproduce", random_state, progress.say)
     answer(find, out, output, progress, random_state)
 
 

@@ -6,8 +6,10 @@ import inspect
 import pytest
 import typer
 
-from sindyjoint.cli import default_of, given, make_app
+from sindyjoint.cli import given, make_app
+from sindyjoint.export import TARGETS
 
+COMMANDS = typer.main.get_command(make_app()).commands
 REGRESSOR, DISCOVER = "discovery.regression:SelectionRules", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
 SPREAD = ("jobs", "workers", "cluster")
@@ -121,8 +123,7 @@ OWN = {
 
 
 def options():
-    commands = typer.main.get_command(make_app()).commands
-    for name, command in commands.items():
+    for name, command in COMMANDS.items():
         if name in ("libraries", "schema", "export"):
             continue
         for parameter in command.params:
@@ -157,16 +158,24 @@ def test_every_default_is_that_of_the_function(command, option, default):
         assert default in (None, False)
 
 
-@pytest.mark.parametrize("reached", sorted({pair for table in REACHED.values() for pair in table.values()}))
-def test_a_default_read_from_the_source_is_the_one_in_force(reached):
-    assert default_of(*reached) == signature_default(*reached)
+@pytest.mark.parametrize(
+    ("command", "option", "function", "stated"),
+    [
+        ("discover", "library", (DISCOVER, "library"), "[{}]"),
+        ("diagnose", "max_effects", ("workflows.diagnose:diagnose", "max_effects"), "[{}; of a rig"),
+        ("diagnose", "max_effects", ("workflows.diagnose:diagnose_structure", "max_effects"), "of a rig {}]"),
+        ("plan", "time", ("workflows.plan:plan", "time"), "[{:g} s]"),
+        ("plan", "share", ("workflows.plan:plan", "share"), "[{:g}]"),
+    ],
+)
+def test_what_a_help_says_of_a_default_is_so(command, option, function, stated):
+    (help,) = (p.help for p in COMMANDS[command].params if p.name == option)
+    assert stated.format(signature_default(*function)) in help
 
 
-def test_what_is_not_there_is_refused():
-    with pytest.raises(LookupError, match="has no parameter 'speed'"):
-        default_of(DISCOVER, "speed")
-    with pytest.raises(LookupError, match="has no parameter 'jobs'"):
-        default_of("workflows.discover:find", "jobs")
+def test_every_target_of_an_export_is_named():
+    (help,) = (p.help for p in COMMANDS["export"].params if p.name == "to")
+    assert help == f"{', '.join([*TARGETS][:-1])} or {[*TARGETS][-1]}."
 
 
 def test_only_what_is_given_is_passed_on():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from sindyjoint import diagnose
-from sindyjoint.clock import Portion, ProcessorTime
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis import CAMPAIGN, engine, load_effects
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import designs
@@ -24,7 +24,7 @@ def test_processor_time_and_work_hold_what_other_processes_did(jobs):
         return portion.do(lambda: side_by_side(spending, [work] * 3), None, f"three of {work:.0f}")
 
     with spread(jobs):
-        with ProcessorTime() as clock:
+        with Portion() as clock:
             found = side_by_side(square_sum, [2_000_000] * 3)
         done = [spend_on_three(work) for work in (100.0, 150.0, 90.0, 10.0)]
     assert found == [square_sum(2_000_000)] * 3
