@@ -87,12 +87,14 @@ def read_toml(path: Path, name: str | None = None) -> dict[str, Any]:
         For a file that is no TOML, or beyond the bounds of a document.
     """
     called = str(path) if name is None else name
-    data = read_regular(path, LARGEST["TOML"])
+    return parse_toml(_decoded(read_regular(path, LARGEST["TOML"]), called, "; save it as UTF-8"), called)
+
+
+def _decoded(data: bytes, called: str, remedy: str = "") -> str:
     try:
-        text = data.decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{called}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
-    return parse_toml(text, called)
+        raise InputError(f"{called}: is not UTF-8 text (byte {error.start}){remedy}") from None
 
 
 def parse_toml(text: str, called: str) -> dict[str, Any]:
@@ -309,11 +311,7 @@ def read_json(path: Path) -> Any:
     ------
     InputError
     """
-    try:
-        text = read_checked(path, LARGEST["JSON"]).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
-    return parse_json(text, str(path))
+    return parse_json(_decoded(read_checked(path, LARGEST["JSON"]), str(path)), str(path))
 
 
 def changed_files(folder: Path) -> list[str]:

@@ -101,13 +101,13 @@ def call(function: str, *arguments: Any, **options: Any) -> Callable[[], Any]:
     return made
 
 
-def read(campaign: Path | None, longest: int | None = None) -> Campaign | None:
+def read(campaign: Path | None, in_segments: bool = False) -> Campaign | None:
     """Read a campaign before the imports of the search that it is for: what is wrong with it takes no second to say."""
     if campaign is None:
         return None
-    from sindyjoint.files import load_campaign
+    from sindyjoint.files.campaign import LONGEST, load_campaign
 
-    return load_campaign(campaign, longest)
+    return load_campaign(campaign, LONGEST if in_segments else None)
 
 
 def write(

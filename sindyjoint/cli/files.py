@@ -243,7 +243,7 @@ def plot(
 
     Example: sindyjoint plot results loops --out loops.pdf --width 3.5
     """
-    from sindyjoint.reporting.registry import drawing, list_saved
+    from sindyjoint.reporting.registry import draw, drawing, list_saved
 
     where, _, name = (kind or "").rpartition("/")
     target = out if out is not None else Path(f"{name or 'figure'}.svg")
@@ -259,8 +259,6 @@ def plot(
         for label, place in places.items():
             _list_figures(place, f"{label}/" if len(places) > 1 else "")
         return
-
-    from sindyjoint.reporting.registry import draw
     from sindyjoint.reporting.style import figure_bytes
 
     refuse_foreign_file(target, force)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -215,7 +215,7 @@ def discover(
         )  # fmt: skip
         return
 
-    options = {**search, **work.arguments(), "correct": correct, "paper": paper}
+    options = {**search, **vars(work), "correct": correct, "paper": paper}
     find = partial(_find_terms, campaign, progress, options, kinds if refine else None)
     answer(find, out, output, progress, subject=campaign, good=lambda result: result.found)
 
@@ -229,18 +229,12 @@ def _find_terms(
     campaign: Path | None, progress: Progress, options: dict[str, Any], refined_with: Any
 ) -> Discovery:
     """Return the discovery of a campaign; refined on the simulated response with some nuisances, unless None."""
-    from sindyjoint.files.campaign import LONGEST
-
-    measured = read(campaign, LONGEST)
-    from sindyjoint.workflows.discover import discover
-
-    result = discover(measured, progress=progress.say, **options)
-    if refined_with is None:
-        return result
-    from sindyjoint.judgement.discovery import refined
-
-    progress.say("refining on the simulated response")
-    return refined(result, refined_with)
+    measured = read(campaign, in_segments=True)
+    result: Discovery = call("workflows.discover:discover", measured, progress=progress.say, **options)()
+    if refined_with is not None:
+        progress.say("refining on the simulated response")
+        result = call("judgement.discovery:refined", result, refined_with)()
+    return result
 
 
 @with_blocks
@@ -316,7 +310,7 @@ def diagnose(
     """
 
     def find() -> Diagnosis:
-        return _diagnosed(
+        return _diagnosis_of(
             campaign,
             model,
             base,
@@ -333,28 +327,26 @@ def diagnose(
             refine=refine,
             rng=random_state,
             progress=progress.say,
-            **work.arguments(),
+            **vars(work),
             **given(max_effects=max_effects, accept=accept, library=library, hold_out=hold_out),
-        )
+        )()
 
     answer(find, out, output, progress, random_state, (), campaign, model, lambda result: result.settled)
 
 
-def _diagnosed(
+def _diagnosis_of(
     campaign: Path | None, model: Path | None, base: list[str] | None, **options: Any
-) -> Diagnosis:
-    """Return the diagnosis of a campaign, or of a structure."""
+) -> Callable[[], Any]:
+    """Return what makes the diagnosis of a campaign, or of a structure."""
     from sindyjoint.equation.catalogue_file import read_model
     from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test
 
     recorded = campaign is not None and has_measured_runs(campaign)
     start = None if model is None or recorded else read_model(model)
+    verbs = "workflows.diagnose:"
     if campaign is None or not (recorded or is_rig_test(campaign)):
-        measured = read(campaign)
-        from sindyjoint.workflows.diagnose import diagnose as of_campaign
-
-        return of_campaign(measured, start, **given(base=base), **options)
-    elsewhere = [name for name, usual in Work().arguments().items() if options.pop(name) != usual]
+        return call(f"{verbs}diagnose", read(campaign), start, **given(base=base), **options)
+    elsewhere = [name for name, usual in vars(Work()).items() if options.pop(name) != usual]
     if elsewhere:
         raise InputError(
             f"--{elsewhere[0]} is for campaigns; {campaign} is a rig, whose candidates are tried on threads"
@@ -374,11 +366,6 @@ def _diagnosed(
         ]
     )
     if recorded:
-        from sindyjoint.workflows.diagnose import diagnose_rig
-
-        return diagnose_rig(
-            campaign, None if model is None else models_of(campaign, model), **accept, **options
-        )
-    from sindyjoint.workflows.diagnose import diagnose_structure as of_structure
-
-    return of_structure(campaign, start, **options)
+        models = None if model is None else models_of(campaign, model)
+        return call(f"{verbs}diagnose_rig", campaign, models, **accept, **options)
+    return call(f"{verbs}diagnose_structure", campaign, start, **options)

@@ -109,10 +109,6 @@ class Work:
     workers: WorkersOption = None
     cluster: ClusterOption = None
 
-    def arguments(self) -> dict[str, Any]:
-        """Return what the function of a command takes."""
-        return vars(self).copy()
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -223,12 +219,9 @@ def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, fl
     from sindyjoint.equation.model_parts import input_values
     from sindyjoint.files.campaign import value_in
 
-    known = {each.name: each for each in model.inputs}
-    values: dict[str, float] = {}
-    for name, value in split_pairs(given).items():
-        input_values(model, {name: 0.0})
-        values[name] = value_in(known[name], value, f"--at {name}")
-    return values
+    known, values = {each.name: each for each in model.inputs}, split_pairs(given)
+    input_values(model, dict.fromkeys(values, 0.0))
+    return {name: value_in(known[name], value, f"--at {name}") for name, value in values.items()}
 
 
 def split_pairs(

@@ -155,16 +155,13 @@ def _goal(text: str) -> str | dict[str, float]:
     """Return a goal, or several with their weights."""
     if "=" not in text:
         return text.strip()
-    goals = {}
-    for part in text.split(","):
-        name, _, weight = part.partition("=")
-        try:
-            goals[name.strip()] = float(weight)
-        except ValueError:
-            raise InputError(
-                f"--goal is {text!r}; expected goals with weights, such as 'widths=2,frequency=1'"
-            ) from None
-    return goals
+    pairs = (part.partition("=") for part in text.split(","))
+    try:
+        return {name.strip(): float(weight) for name, _, weight in pairs}
+    except ValueError:
+        raise InputError(
+            f"--goal is {text!r}; expected goals with weights, such as 'widths=2,frequency=1'"
+        ) from None
 
 
 def span(text: str, unit: str, where: str) -> tuple[float, float]:

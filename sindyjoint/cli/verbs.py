@@ -113,11 +113,9 @@ def compare(
     """
 
     def find() -> Comparison:
-        from sindyjoint.files.campaign import LONGEST
-
         return call(
-            "workflows.compare:compare", read(campaign, LONGEST), model=model, align=align, replicates=replicates,
-            margin=margin, rng=random_state, progress=progress.say, **work.arguments(),
+            "workflows.compare:compare", read(campaign, in_segments=True), model=model, align=align,
+            replicates=replicates, margin=margin, rng=random_state, progress=progress.say, **vars(work),
             **given(library=library, methods=method, accept=accept),
         )()  # fmt: skip
 
@@ -369,15 +367,14 @@ def batch(
         "rng": random_state,
     }
     if verify_only:
-        from sindyjoint.workflows.batch import verify_batch
-
-        faults = verify_batch(campaigns, out, write=_files_of_batch(reports, diagnose), **options)
+        written = _files_of_batch(reports, diagnose)
+        faults = call("workflows.batch:verify_batch", campaigns, out, write=written, **options)()
         _print_faults(faults, out, output.as_json)
         raise typer.Exit(1 if faults else 0)
 
     def find() -> Batch:
         options["write"] = _files_of_batch(reports, diagnose)
-        return _run_batch(campaigns, out, progress, {**options, **work.arguments()})
+        return _run_batch(campaigns, out, progress, {**options, **vars(work)})
 
     answer(find, out, output, progress, random_state, good=lambda result: result.complete)
 
@@ -391,17 +388,17 @@ def _files_of_batch(reports: bool, diagnose: bool) -> CampaignFiles | None:
 
 def _run_batch(campaigns: list[str], out: Path, progress: Progress, options: dict[str, Any]) -> Batch:
     """Discover the joints of all campaigns; what is broken is reported at once."""
-    from sindyjoint.reporting.output import place_of
-    from sindyjoint.workflows.batch import batch
-
-    place_of("batch", out)
+    call("reporting.output:place_of", "batch", out)()
 
     def report(record: CampaignRecord) -> None:
         if record.status == "broken" and not progress.quiet:
             typer.echo(printable(f"sindyjoint: {record.id}: {record.reason}"), err=True)
 
     try:
-        return batch(campaigns, out, progress=progress.say, on_record=report, **options)
+        found: Batch = call(
+            "workflows.batch:batch", campaigns, out, progress=progress.say, on_record=report, **options
+        )()
+        return found
     except KeyboardInterrupt:
         raise Interrupted("the same command goes on where this one stopped") from None
 

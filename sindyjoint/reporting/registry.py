@@ -11,7 +11,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sindyjoint.described import json_schema
 from sindyjoint.documents import kind_of_results, read_json
@@ -25,12 +25,9 @@ from sindyjoint.errors import (
     UnknownNameError,
 )
 from sindyjoint.policy import described, policies
-from sindyjoint.reporting.figure import Kind, Panel
+from sindyjoint.reporting.figure import Figure, Kind, Panel
 from sindyjoint.reporting.style import DOUBLE_COLUMN, figure_bytes
 from sindyjoint.reporting.view import View
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # Module and name of each view; the types of what it shows, and marks of what is saved of that. By name: a view needs
 # modules that no other does, and is loaded with the first result of its kind.

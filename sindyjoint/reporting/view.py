@@ -6,22 +6,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sindyjoint.errors import InputError
 from sindyjoint.judgement import is_of_the_paper
-from sindyjoint.plain import fields_of, same, to_plain
+from sindyjoint.plain import fields_of, to_plain
+from sindyjoint.reporting.figure import Figure, Kind, Panel, drawn
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
-from sindyjoint.reporting.tables import TextTable, findings_table, json_text, print_table, terminal
+from sindyjoint.reporting.tables import Console, TextTable, findings_table, json_text, print_table, terminal
 from sindyjoint.text import in_words_of, in_words_of_origin, spelled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.console import Console
-
-    from sindyjoint.reporting.figure import Kind, Panel
-    from sindyjoint.trust import Light, Trust
+from sindyjoint.trust import Light, Trust
 
 TRUST, NEXT = "Can I trust it?", "What next?"
 MARKS = {"good": ("green", "ok"), "fair": ("yellow", "mind"), "poor": ("red", "no")}
@@ -167,8 +162,6 @@ class View:
 
     def draw(self, kind: Kind, panels: Sequence[Panel], data: Any, width: float) -> Figure:
         """Return panels of a kind of figure as a figure of a width in inches, in words of the origin of the data."""
-        from sindyjoint.reporting.figure import drawn
-
         figure = drawn(kind, panels, data, width)
         if self.simulated(data):
             from matplotlib.text import Text
@@ -179,16 +172,16 @@ class View:
 
     @property
     def layout(self) -> dict[str, str]:
-        """Fields of the data that are saved."""
+        """Fields of the data that are saved, by the names under which they are."""
         assert self.data is not None
-        return same(*(each.name for each in fields(self.data) if each.name not in self.unsaved))
+        names = (each.name for each in fields(self.data) if each.name not in self.unsaved)
+        return {self.renamed.get(name, name): name for name in names}
 
     def save(self, data: Any) -> dict[str, Any]:
         """Return data as plain JSON data."""
         kept = self.kept(data)
-        record = {name: getattr(kept, name) for name in self.layout}
-        named = to_plain({self.renamed.get(name, name): record[name] for name in record}, digits=6)
-        return {**self.marks, **named, "kind": self.kind}
+        saved = to_plain({key: getattr(kept, name) for key, name in self.layout.items()}, digits=6)
+        return {**self.marks, **saved, "kind": self.kind}
 
     def restore(self, record: Mapping[str, Any]) -> Any:
         """Return data from what :meth:`save` made of them.
@@ -200,7 +193,6 @@ class View:
         """
         if isinstance(record, Mapping):
             record = {**self.formerly.get(str(record.get("kind")), {}), **record}
-            record |= {name: record.get(saved) for name, saved in self.renamed.items()}
         assert self.data is not None
         try:
             return self.data(**fields_of(self.data, record, self.layout), **self.unsaved)

@@ -31,7 +31,6 @@ from sindyjoint.files.atomic import (
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.numeric import seed_of
 from sindyjoint.parallel import executor
-from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
 from sindyjoint.states import check_bandwidth
 from sindyjoint.workflows.discover import discover, regressor_options
@@ -49,7 +48,6 @@ from sindyjoint.workflows.joints import (
     extras_of,
     find_tasks,
     fingerprint,
-    is_valid,
     last_result,
     read_record,
 )
@@ -134,10 +132,8 @@ def batch(
                 f"another batch is writing into {str(folder.parent)!r}; wait for it to end, or give another --out"
             )
         for number, answer in workers_here(run_task, tasks):
-            if isinstance(answer, WorkerError):
-                record, fresh = _recorded_broken(tasks[number], str(answer)), True
-            else:
-                record, fresh = answer
+            lost = isinstance(answer, WorkerError)
+            record, fresh = (_recorded_broken(tasks[number], str(answer)), True) if lost else answer
             kept += not fresh
             records[number] = record
             if on_record is not None:
@@ -175,22 +171,15 @@ def run_task(task: Task) -> tuple[CampaignRecord, bool]:
         if not task.folder.exists():
             settle(task.folder)
         last = last_result(task.folder)
-        if last is not None and not is_valid(last, task.folder, inputs):
+        if last is not None and (last.inputs != inputs or changed_outputs(last, task.folder)):
             last = None
         if last is not None and set(extras_of(task)) <= set(last.extras):
             _record(last, task.folder)
             return last, False
-        result = discover(task.manifest, task.library, **task.options)
-        return _recorded(task, result, inputs, last), True
+        return _recorded(task, discover(task.manifest, task.library, **task.options), inputs, last), True
     # One campaign must not take the others down, whatever it does to the libraries that read it.
     except Exception as error:
         return _recorded_broken(task, error, inputs), True
-
-
-def held_inputs(campaign: Campaign) -> dict[str, float]:
-    """Return the inputs that a campaign tests at one value, SI."""
-    ends = {each.name: each.tested for each in campaign.inputs}
-    return {name: span[0] for name, span in ends.items() if span is not None and span[0] == span[1]}
 
 
 def _record(record: CampaignRecord, folder: Path) -> None:
@@ -203,8 +192,13 @@ def _record(record: CampaignRecord, folder: Path) -> None:
 def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord | None) -> CampaignRecord:
     """Write what was found of a campaign, with what the last result of the same inputs has more; return the record."""
     evidence = result.regressor.evidence_ if result.stopped is None else Evidence((), ())
-    joint, held = result.campaign.joint, held_inputs(result.campaign)
-    units = {each.name: each.unit for each in result.campaign.inputs if each.name in held}
+    joint = result.campaign.joint
+    # An input that is the same in all runs distinguishes this joint from the others.
+    held = [
+        (each.name, each.unit, each.tested[0])
+        for each in result.campaign.inputs
+        if each.tested is not None and each.tested[0] == each.tested[1]
+    ]
     with whole_folder(task.folder) as stage:
         (stage / MODEL_FILE).write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
         (stage / FACTORS_FILE).write_bytes(evidence_bytes(evidence))
@@ -234,8 +228,8 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
                 "temperature": joint.temperature,
                 "serial": joint.serial,
                 "labels": dict(joint.labels),
-                # An input that is the same in all runs distinguishes this joint from the others.
-                **({"inputs": held, "input_units": units} if held else {}),
+                **({"inputs": {name: value for name, _, value in held}} if held else {}),
+                **({"input_units": {name: unit for name, unit, _ in held}} if held else {}),
             },
             result=result.to_dict(),
             inputs=inputs,
@@ -290,9 +284,8 @@ def verify_batch(
         raise MissingInputError(
             f"{str(out)!r} holds no batch; expected the folder that batch wrote with --out"
         )
-    faults: list[tuple[str, str]] = []
-    for task in find_tasks(campaigns, Path(out), library, options, write):
-        faults += [(task.id, fault) for fault in _find_faults(task)]
+    tasks = find_tasks(campaigns, Path(out), library, options, write)
+    faults = [(task.id, fault) for task in tasks for fault in _find_faults(task)]
     try:
         faults += [("", fault) for fault in changed_files(Path(out))]
     except InputError as error:
@@ -311,7 +304,9 @@ def _find_faults(task: Task) -> list[str]:
         inputs = fingerprint(task.manifest, task.options, task.library, version("sindyjoint"))
     except SindyJointError as error:
         return [str(error)]
-    faults = changed_outputs(record, task.folder)
-    faults += [] if record.inputs == inputs else ["was made from other files, options, catalogue or version"]
     missing = sorted(set(extras_of(task)) - set(record.extras))
-    return faults + ([f"has no {', '.join(missing)}"] if missing else [])
+    return [
+        *changed_outputs(record, task.folder),
+        *["was made from other files, options, catalogue or version"] * (record.inputs != inputs),
+        *[f"has no {', '.join(missing)}"] * bool(missing),
+    ]

@@ -15,7 +15,7 @@ from sindyjoint.discovery.uncertainty import inclusion
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue_file import as_model, read_model
 from sindyjoint.equation.model import JointModel, model_terms
-from sindyjoint.errors import InputError, UnknownNameError, checks_options
+from sindyjoint.errors import InputError, UnknownNameError, checks_options, refuse
 from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.changed import Change, check_margin, compare_models
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
@@ -286,18 +286,16 @@ def changed(
     names = tuple(str(each) if isinstance(each, str | Path) else word for each, word in given)
     check_margin(margin)
     # Both are read before either is worked on.
-    read = []
-    for each, name in zip((before, after), names, strict=True):
-        say(f"reading {name}")
-        read.append(_read(each))
+    read = [_read(each, name, say) for each, name in zip((before, after), names, strict=True)]
     found = [
         discover(each, accept=accept, rng=rng, progress=say) if isinstance(each, Campaign) else each
         for each in read
     ]
     models = [each.model if isinstance(each, Discovery) else each for each in found]
-    for model, name in zip(models, names, strict=True):
-        if not (model.terms or model.elements):
-            raise InputError(f"{name}: no model was found there; nothing can be compared")
+    refuse(
+        (not (model.terms or model.elements), f"{name}: no model was found there; nothing can be compared")
+        for model, name in zip(models, names, strict=True)
+    )
     warnings = [
         f"{name}: {each.trust.lights[0].sentence}"
         for each, name in zip(found, names, strict=True)
@@ -310,8 +308,9 @@ def changed(
     return compare_models(models[0], models[1], margin, same_sensors, (names[0], names[1]), tuple(warnings))
 
 
-def _read(test: Test) -> Campaign | Discovery | JointModel:
+def _read(test: Test, name: str, say: Callable[[str], None]) -> Campaign | Discovery | JointModel:
     """Return a test as it is given, or what its file holds."""
+    say(f"reading {name}")
     if not isinstance(test, str | Path):
         return test
     path = Path(test)
@@ -329,6 +328,6 @@ def _refitted(found: Discovery, ids: Sequence[str]) -> JointModel:
         [resolved[evidence.ids[column]] for column in columns], fit.coefficients, fit.covariance, fit.unique_share,
         fit.effective_degrees, found.model.joint.motion,
     )  # fmt: skip
-    fitted = replace(found.model.fitted, gains={})
-    model = replace(found.model.with_terms(terms, fit.covariance), fitted=fitted)
+    model = found.model.with_terms(terms, fit.covariance)
+    model = replace(model, fitted=replace(found.model.fitted, gains={}))
     return with_gain_uncertainty(model, found.model.fitted.gains)

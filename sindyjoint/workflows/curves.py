@@ -151,12 +151,12 @@ class _Placed:
         self, levels: Sequence[float], band: tuple[float, float] | None, modes: int
     ) -> StructureCurves:
         """Return the curves; see :func:`curves`."""
-        none = modes < 1 or (self.harmonics is not None and self.harmonics < 1)
-        wrong = not all(0 < level < np.inf for level in levels)
+        fewest = min(modes, 1 if self.harmonics is None else self.harmonics)
+        positive = all(0 < level < np.inf for level in levels)
         refuse(
             [
-                (none, f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each"),
-                (wrong, f"levels are {list(levels)}; expected positive forces"),
+                (fewest < 1, f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each"),
+                (not positive, f"levels are {list(levels)}; expected positive forces"),
             ]
         )
         structure = self.structure
@@ -167,17 +167,15 @@ class _Placed:
         if not 0 < band[0] < band[1] < np.inf:
             raise InputError(f"band is {band}; expected two positive frequencies, the lower one first")
         laws, warnings = [hinge.law for hinge in structure.hinges], list[str]()
-        varied = Varied.of(laws, self.models)
-        limits = self._limits(laws)
-        followed = []
-        for number in range(1, modes + 1):
-            self.say(f"mode {number} over amplitude")
-            followed.append(self._mode(structure, number, limits, varied))
+        varied, ends = Varied.of(laws, self.models), np.array([_softens(law) for law in laws])
+        # Of each joint the angle at which modes end, rad (m).
+        limits = np.minimum(TO_SOFTENING * ends, BEYOND * self.tested)
+        limits = np.where(np.isfinite(limits), limits, WIDEST)
+        followed = [self._mode(structure, number, limits, varied) for number in range(1, modes + 1)]
         balance = Balance.of(structure, self.at, self.point, harmonics=self.harmonics or FOLLOWED)
         responses = []
         for level in levels or self._levels(structure, followed[0]):
             self.say(f"frequency response at {level:g} N")
-            ends = np.array([_softens(law) for law in laws])
             found = frequency_response(
                 balance,
                 level,
@@ -196,14 +194,9 @@ class _Placed:
             self.motion,
         )  # fmt: skip
 
-    def _limits(self, laws: Sequence[Law]) -> Array:
-        """Return the angle of each joint at which modes end, rad (m)."""
-        softens = [TO_SOFTENING * _softens(law) for law in laws]
-        limits = np.minimum(softens, BEYOND * self.tested)
-        return np.where(np.isfinite(limits), limits, WIDEST)
-
     def _mode(self, structure: Structure, number: int, limits: Array, varied: Varied | None) -> ModeCurve:
         """Follow a mode by the driven point, or by the one that it moves most where that is near a node."""
+        self.say(f"mode {number} over amplitude")
         point = point_of_mode(structure, number, self.at)
         balance = Balance.of(structure, point, harmonics=self.harmonics or FOLLOWED, mode=number)
         return mode_over_amplitude(

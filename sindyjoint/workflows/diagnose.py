@@ -153,9 +153,10 @@ def diagnose(
         usable, lags = followed(usable, model)
         problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
         beyond = () if model is None else beyond_tested(model, *problem.states, whose=GIVEN)
-        seen = () if model is None else model.fitted.seen
-        tested = Tested(campaign, checked, delay, lags, hidden, (*notes, *beyond), carried, seen)
-        keep = before_advice or (lambda result: None)
+        tested = Tested(
+            campaign, checked, delay, lags, hidden, (*notes, *beyond), carried,
+            () if model is None else model.fitted.seen,
+        )  # fmt: skip
 
         def refined(last: CampaignProblem, explained: bool) -> tuple[CampaignProblem, tuple[str, ...]]:
             from sindyjoint.diagnosis.campaign.refined import refined_problem
@@ -164,15 +165,21 @@ def diagnose(
                 return last, ()
             return refined_problem(last, checked.usable, tested.nuisances(last.test), say)
 
-        result = explain_gap(
-            problem,
-            max_effects,
-            say,
-            advise,
-            lambda result: keep(tested.complete(result)),
-            refined,
-        )
-        return tested.complete(result)
+        return _explained(problem, max_effects, say, advise, before_advice, tested.complete, refined)
+
+
+def _explained(
+    problem: Any,
+    most: int,
+    say: Callable[[str], None],
+    advise: bool,
+    before_advice: Callable[[Diagnosis], None] | None,
+    complete: Callable[[Diagnosis], Diagnosis],
+    *refined: Any,
+) -> Diagnosis:
+    """Return the diagnosis of a problem as it is completed; so it is, too, where it is handed on before advice."""
+    keep = before_advice or (lambda result: None)
+    return complete(explain_gap(problem, most, say, advise, lambda result: keep(complete(result)), *refined))
 
 
 @checks_options()
@@ -232,17 +239,15 @@ def diagnose_structure(
 
     say = progress or (lambda stage: None)
     known = _known_effects(library, effects, max_effects)
-    keep = before_advice or (lambda result: None)
     found: tuple[str, ...] = ()
     if model is None and isinstance(rig, str | Path):
         model = _law_in_pulse(rig, rng, say)
         found = () if model is None else (LAW_OF_PULSE,)
-
-    def told(result: Diagnosis) -> Diagnosis:
-        return replace(result, warnings=(*found, *result.warnings))
-
     problem = StructureProblem.build(rig, model, known, hold_out, rng, policy, say)
-    return told(explain_gap(problem, max_effects, say, advise, lambda result: keep(told(result))))
+    return _explained(
+        problem, max_effects, say, advise, before_advice,
+        lambda result: replace(result, warnings=(*found, *result.warnings)),
+    )  # fmt: skip
 
 
 LAW_OF_PULSE = (
@@ -257,8 +262,7 @@ def _law_in_pulse(rig: str | Path, rng: RNG, say: Callable[[str], None]) -> Join
     from sindyjoint.mechanics.virtual_rig import hinges
 
     opened = open_rig(rig)
-    sought = any(hinge.law is UNKNOWN for hinge in hinges(opened))
-    if opened.measured is None or not sought:
+    if opened.measured is None or all(hinge.law is not UNKNOWN for hinge in hinges(opened)):
         return None
     laws = discover_rig(rig, refine=False, rng=rng, progress=say).laws
     if len(laws) > 1 or not laws[0].found or laws[0].discovery is None:
@@ -362,11 +366,9 @@ def diagnose_rig(
     )
     assert fitted is not None
     problem = RunsDiagnosis.of(fitted, kept, known_effects)
-    keep = before_advice or (lambda result: None)
-    result = explain_gap(
-        problem, max_effects, say, advise, lambda result: keep(no_surer_than(result, checked))
+    return _explained(
+        problem, max_effects, say, advise, before_advice, lambda result: no_surer_than(result, checked)
     )
-    return no_surer_than(result, checked)
 
 
 def _known_effects(

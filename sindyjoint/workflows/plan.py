@@ -1,6 +1,6 @@
 """Plan a test before it is made: from a rough idea of the joint, or after some runs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -235,13 +235,17 @@ def _rivals(
 def _goals(goal: str | Mapping[str, float]) -> dict[str, float]:
     """Return goals with their weights, which add up to one, the weightiest first."""
     given = {goal: 1.0} if isinstance(goal, str) else dict(goal)
-    for name, weight in given.items():
-        if name not in (*GOALS, TELL_APART):
-            raise InputError(f"goal is {name!r}; expected {', '.join(map(repr, GOALS))} or {TELL_APART!r}")
-        if not 0 < weight < inf:
-            raise InputError(f"weight of goal {name!r} is {weight!r}; expected a positive number")
-    if not given:
-        raise InputError("no goal was given; expected one at least")
+    known = f"expected {', '.join(map(repr, GOALS))} or {TELL_APART!r}"
+    refuse(
+        [
+            (not given, "no goal was given; expected one at least"),
+            *((name not in (*GOALS, TELL_APART), f"goal is {name!r}; {known}") for name in given),
+            *(
+                (not 0 < weight < inf, f"weight of goal {name!r} is {weight!r}; expected a positive number")
+                for name, weight in given.items()
+            ),
+        ]
+    )
     total = sum(given.values())
     return {name: given[name] / total for name in sorted(given, key=lambda name: -given[name])}
 
@@ -264,25 +268,24 @@ def _with_separation(plan: Plan, runs: Sequence[PlannedRun], apart: Separation) 
 def _actuator(
     tested: Tested | None, drive: str, band: tuple[float, float] | None, limits: Mapping[str, float]
 ) -> Actuator:
-    unknown = set(limits) - {"moment", "angle", "rate"}
-    if unknown:
-        raise UnknownNameError(f"limit of {sorted(unknown)[0]!r}; expected moment, angle or rate")
+    _check_known(limits, ("moment", "angle", "rate"), "limit of {!r}; expected moment, angle or rate")
     Actuator(drive, band or BAND, **limits)  # type: ignore[arg-type]  # refused as it was given
     return (tested or Tested({}, BAND)).actuator(drive, band, limits)  # type: ignore[arg-type]
 
 
+def _check_known(given: Iterable[str], known: Collection[str], said: str) -> None:
+    for name in sorted({*given} - {*known}):
+        raise UnknownNameError(said.format(name))
+
+
 def _resolutions(resolution: Mapping[str, float]) -> dict[str, float]:
     """Return the steps of the sensors by their names there."""
-    unknown = sorted({*resolution} - {"moment", "angle"})
-    if unknown:
-        raise UnknownNameError(f"resolution of {unknown[0]!r}; expected moment or angle")
+    _check_known(resolution, ("moment", "angle"), "resolution of {!r}; expected moment or angle")
     return {f"{name}_resolution": step for name, step in resolution.items()}
 
 
 def _places(model: JointModel, terms: Sequence[str]) -> tuple[int, ...]:
-    for term in terms:
-        if term not in model.ids:
-            raise UnknownNameError(f"term {term!r}; the joint has {', '.join(model.ids)}")
+    _check_known(terms, model.ids, f"term {{!r}}; the joint has {', '.join(model.ids)}")
     return tuple(model.ids.index(term) for term in terms)
 
 
@@ -299,15 +302,19 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
         # Twice as many as the plain grid has: the shorter each is, the less the fewest settings take of the time.
         most = 2 * PLANNING.fewest * len(PLANNING.levels[::2])
         count = min(most, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
-    if not count:
-        raise InputError(
-            f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {REPLICATES} steady periods "
-            f"of {actuator.band[0]:g} Hz"
-        )
-    if count > PLANNING.most_runs:
-        raise InputError(
-            f"{count} runs of {run_time:g} s in {time:g} s; expected at most {PLANNING.most_runs}"
-        )
+    refuse(
+        [
+            (
+                not count,
+                f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {REPLICATES} steady periods "
+                f"of {actuator.band[0]:g} Hz",
+            ),
+            (
+                count > PLANNING.most_runs,
+                f"{count} runs of {run_time or 0.0:g} s in {time:g} s; expected at most {PLANNING.most_runs}",
+            ),
+        ]
+    )
     return run_time or time / count, count
 
 

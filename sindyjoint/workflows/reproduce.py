@@ -18,7 +18,6 @@ from sindyjoint.numeric import RNG, Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
 from sindyjoint.record import Campaign
 from sindyjoint.response.laws import with_coefficients
-from sindyjoint.response.oscillations import Oscillation
 from sindyjoint.response.verification import Verification
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, SurfaceFit, fit_surface, map_of_states
@@ -200,10 +199,7 @@ def reproduce(rng: RNG = 0, progress: Callable[[str], None] | None = None) -> Re
     """
     say = progress or (lambda stage: None)
     generator = np.random.default_rng(rng)
-    joints = []
-    for table in TABLES:
-        say(f"virtual tests of the {table.joint}")
-        joints.append(_reproduce_joint(table, generator))
+    joints = tuple(_reproduce_joint(table, generator, say) for table in TABLES)
     say("a linear joint")
     linear_law = PaperLaw(k1=TABLES[0].average[0], c1=TABLES[0].average[3], name="linear spring and damper")
     linear = map_of_states(
@@ -213,8 +209,7 @@ def reproduce(rng: RNG = 0, progress: Callable[[str], None] | None = None) -> Re
     pulse = _reproduce_pulse(joints[0].average_model, generator)
     checks = check_tables()
     return Reproduction(
-        tuple(joints), linear, linear_law, pulse, checks,
-        (*statements(tuple(joints), pulse), *table_findings(checks)),
+        joints, linear, linear_law, pulse, checks, (*statements(joints, pulse), *table_findings(checks)),
     )  # fmt: skip
 
 
@@ -223,7 +218,10 @@ def _build_law(table: PaperTable, frequency: float) -> PaperLaw:
     return PaperLaw(k1, k2, k3, c1, friction, name=table.joint)
 
 
-def _reproduce_joint(table: PaperTable, generator: np.random.Generator) -> JointReproduction:
+def _reproduce_joint(
+    table: PaperTable, generator: np.random.Generator, say: Callable[[str], None]
+) -> JointReproduction:
+    say(f"virtual tests of the {table.joint}")
     runs = []
     for frequency in FREQUENCIES:
         test = virtual_test(
@@ -286,13 +284,6 @@ def _reproduce_pulse(model: JointModel, generator: np.random.Generator) -> Pulse
     )
 
 
-def turning_points_of(verification: Verification) -> tuple[Oscillation, Oscillation]:
-    """Return measured and simulated turning points of a pulse test."""
-    measured, simulated = verification.runs[0].oscillations
-    assert measured is not None and simulated is not None
-    return measured, simulated
-
-
 def statements(joints: tuple[JointReproduction, ...], pulse: PulseReproduction) -> tuple[str, ...]:
     """Say what was reproduced, what cannot be, and what the paper's law predicts that the paper did not see."""
     sentences = [
@@ -321,7 +312,8 @@ def statements(joints: tuple[JointReproduction, ...], pulse: PulseReproduction) 
 
 
 def _describe_pulse(pulse: PulseReproduction) -> list[str]:
-    _, simulated = turning_points_of(pulse.plain)
+    simulated = pulse.plain.runs[0].oscillations[1]
+    assert simulated is not None
     first, last = float(simulated.period[0]), float(np.median(simulated.period[-20:]))
     plain, richer = pulse.plain, pulse.richer
     return [

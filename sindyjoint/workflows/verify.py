@@ -130,10 +130,9 @@ def verify(
     True
     """
     say = progress or (lambda stage: None)
-    positive = np.isfinite(tolerance) and tolerance > 0
     refuse(
         [
-            (not positive, f"tolerance is {tolerance!r}; expected a number above zero"),
+            (not 0 < tolerance < np.inf, f"tolerance is {tolerance!r}; expected a number above zero"),
             (draws < 0, f"draws is {draws!r}; expected a number that is not negative"),
         ]
     )
@@ -144,36 +143,42 @@ def verify(
     settings = Settings(tolerance, draws, np.random.default_rng(rng), window, free_run)
     given = {"noise": noise, "presliding": presliding, "loss_factor": loss_factor}
     truth = {name: value for name, value in given.items() if value is not None}
-    several = f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"
-    empty = not all(each.terms or each.elements for each in models)
+    measured, recorded, pulse = isinstance(against, Campaign), isinstance(against, RigTest), ", ".join(truth)
     refuse(
         [
-            (empty, "the model has no terms: there is nothing to simulate; run discover first"),
-            (not isinstance(against, RigTest) and len(models) != 1, several),
-            *((True, said) for each in models for said in warn_of_negative_inertia(each)),
-        ]
-    )
-    if isinstance(against, Campaign):
-        refuse(
-            [(truth, f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given")]
-        )
-        return _of_campaign(models[0], against, accept, align, settings, say)
-    free = f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
-    recorded = isinstance(against, RigTest)
-    refuse(
-        [
-            (free_run is not None, free),
-            (align, "align belongs to a campaign, which has two channels; a rig is given"),
             (
-                truth and recorded,
-                f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig has recorded runs",
+                not all(each.terms or each.elements for each in models),
+                "the model has no terms: there is nothing to simulate; run discover first",
             ),
             (
-                accept and not recorded,
+                not recorded and len(models) != 1,
+                f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint",
+            ),
+            *((True, said) for each in models for said in warn_of_negative_inertia(each)),
+            (
+                truth and measured,
+                f"{pulse}: belong(s) to a virtual pulse test of a rig; a campaign is given",
+            ),
+            (
+                free_run is not None and not measured,
+                f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given",
+            ),
+            (
+                align and not measured,
+                "align belongs to a campaign, which has two channels; a rig is given",
+            ),
+            (
+                truth and recorded,
+                f"{pulse}: belong(s) to a virtual pulse test; the rig has recorded runs",
+            ),
+            (
+                accept and not (measured or recorded),
                 f"accept is {', '.join(accept)}: belongs to data that are checked; a pulse test is given",
             ),
         ]
     )
+    if isinstance(against, Campaign):
+        return _of_campaign(models[0], against, accept, align, settings, say)
     if isinstance(against, RigTest):
         from sindyjoint.substructure.simulated.verified import verify_runs
 

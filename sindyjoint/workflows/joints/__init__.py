@@ -9,7 +9,7 @@ import json
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -162,15 +162,8 @@ def read_record(folder: Path) -> CampaignRecord:
         raise InputError(f"{path}: is no record of a campaign; run the batch again") from None
 
 
-def is_valid(record: CampaignRecord, folder: Path, inputs: str) -> bool:
-    """Return whether a result still holds: of the same inputs, nothing missing, and every file as it was written."""
-    if record.inputs != inputs or not set(record.outputs) >= REQUIRED:
-        return False
-    return not changed_outputs(record, folder)
-
-
 def changed_outputs(record: CampaignRecord, folder: Path) -> list[str]:
-    """Return which files of a result are missing or changed, a sentence each."""
+    """Return which files of a result, those that it must have among them, are missing or changed, a sentence each."""
     return sorted(list_changes(folder, dict.fromkeys(REQUIRED, "") | record.outputs))
 
 
@@ -243,15 +236,14 @@ def find_tasks(
         )
     ordered = sorted(found.items(), key=lambda item: item[1])
     ids = _make_ids([label for _, label in ordered])
-    home = out / CAMPAIGNS
     return [
-        Task(id, label, path, home / id, library, dict(options), write)
+        Task(id, label, path, out / CAMPAIGNS / id, library, dict(options), write)
         for id, (path, label) in zip(ids, ordered, strict=True)
     ]
 
 
-def _manifests(pattern: str, out: Path) -> list[tuple[Path, str]]:
-    """Return manifests that a folder or pattern leads to, each with a label that does not depend on the others."""
+def _manifests(pattern: str, out: Path) -> Iterator[tuple[Path, str]]:
+    """Yield manifests that a folder or pattern leads to, each with a label that does not depend on the others."""
     if os.path.isdir(pattern):
         base, starts = Path(pattern), [Path(pattern)]
     else:
@@ -260,19 +252,13 @@ def _manifests(pattern: str, out: Path) -> list[tuple[Path, str]]:
         base = Path(head if head.endswith(("/", os.sep)) else os.path.dirname(head))
         starts = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]
     results = out.resolve() if out.exists() else out
-    paths = []
     for start in starts:
-        paths += sorted(start.rglob(MANIFEST_NAME)) if start.is_dir() else [start] * (start.suffix == ".toml")
-    labels = []
-    for path in paths:
-        if results in path.resolve().parents:
-            continue
-        inside = Path(os.path.relpath(path, base))
-        # The manifest of the searched folder itself goes by the folder's name.
-        labels.append(
-            (path, inside.as_posix() if inside.parent != Path() else f"{path.resolve().parent.name}/{inside}")
-        )
-    return labels
+        found = sorted(start.rglob(MANIFEST_NAME)) if start.is_dir() else [start] * (start.suffix == ".toml")
+        for path in (path for path in found if results not in path.resolve().parents):
+            inside = Path(os.path.relpath(path, base))
+            # The manifest of the searched folder itself goes by the folder's name.
+            own = inside.parent == Path()
+            yield path, f"{path.resolve().parent.name}/{inside}" if own else inside.as_posix()
 
 
 def _make_ids(labels: Sequence[str]) -> list[str]:

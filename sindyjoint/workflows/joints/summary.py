@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -290,8 +290,9 @@ def covariates_of(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     columns: dict[str, list[Any]] = {TEMPERATURE: [joint.get("temperature") for joint in joints]}
     for kind in ("inputs", "labels"):
         for name in dict.fromkeys(key for joint in joints for key in joint.get(kind, {})):
-            label = name.replace("_", " ") if kind == "inputs" else name
-            columns[label] = [_parse_number(joint.get(kind, {}).get(name)) for joint in joints]
+            columns[name.replace("_", " ") if kind == "inputs" else name] = [
+                _parse_number(joint.get(kind, {}).get(name)) for joint in joints
+            ]
     # Of two that mean the same, what is declared is the reason, not the order of the joints.
     columns[SERIAL] = _parse_serials([joint.get("serial") for joint in joints])
     arrays = {name: np.array(column, dtype=float) for name, column in columns.items()}
@@ -329,52 +330,56 @@ def _list_differences(
     values: dict[str, Array],
     units: dict[str, str],
     result: Population,
-) -> list[Difference]:
+) -> Iterator[Difference]:
     """Say of each campaign that stands out why."""
-    found: list[Difference] = []
     for i, record in enumerate(records):
-        if record.status == "broken":
-            found.append(Difference(record.id, "broken", record.reason))
-        elif record.status == "none":
-            found.append(Difference(record.id, "none", f"no model: {record.reason}"))
-        else:
-            missing = [t for t in common if t not in record.terms]
-            extra = [t for t in record.terms if t not in common]
-            if missing or extra:
-                parts = [f"without {_spell_terms(missing, record)}"] if missing else []
-                parts += [f"with {_spell_terms(extra, record)}"] if extra else []
-                found.append(Difference(record.id, "terms", f"terms {' and '.join(parts)}"))
-        for scatter in result.scatters:
-            if i in scatter.outliers:
-                term, score = scatter.coefficient, scatter.scores[i]
-                pretty = units[term].replace("*", "·")
-                about = f", the trend with {scatter.covariate} taken out" if scatter.covariate else ""
-                name = spelled(term, record.joint["motion"])
-                text = (
-                    f"{name} of {values[term][i]:.4g} {pretty} is {abs(score):.1f} standard "
-                    f"deviations {'above' if score > 0 else 'below'} the other joints{about}"
-                )
-                found.append(Difference(record.id, "outlier", text))
-    return found
+        without = {"broken": record.reason, "none": f"no model: {record.reason}"}
+        kind = record.status if record.status in without else "terms"
+        if text := without.get(kind) or _terms_apart(record, common):
+            yield Difference(record.id, kind, text)
+        for scatter in (each for each in result.scatters if i in each.outliers):
+            term, score = scatter.coefficient, scatter.scores[i]
+            about = f", the trend with {scatter.covariate} taken out" if scatter.covariate else ""
+            text = (
+                f"{spelled(term, record.joint['motion'])} of {values[term][i]:.4g} {units[term].replace('*', '·')} is "
+                f"{abs(score):.1f} standard deviations {'above' if score > 0 else 'below'} the other joints{about}"
+            )
+            yield Difference(record.id, "outlier", text)
+
+
+def _terms_apart(record: CampaignRecord, common: tuple[str, ...]) -> str:
+    """Return which terms a model has not or has that most have; empty where it has just these."""
+    missing = [term for term in common if term not in record.terms]
+    extra = [term for term in record.terms if term not in common]
+    pairs = [(word, terms) for word, terms in (("without", missing), ("with", extra)) if terms]
+    return "terms " * bool(pairs) + " and ".join(f"{word} {_spell_terms(t, record)}" for word, t in pairs)
 
 
 def _list_notes(found: Sequence[CampaignRecord], compared: Sequence[CampaignRecord]) -> list[str]:
-    notes = []
-    if any("simulated" in warning for r in found for warning in (r.result or {}).get("warnings", [])[:1]):
-        notes.append("some of the campaigns are simulated (virtual tests), not measured")
-    if len(compared) < len(found):
-        notes.append(
+    """Return what to know before believing a comparison."""
+    names = {record.joint["name"] for record in found}
+    alike = len(found) > 1 and len(names) == 1 and all(r.joint["serial"] is None for r in found)
+    first = [warning for r in found for warning in (r.result or {}).get("warnings", [])[:1]]
+    notes = (
+        (
+            any("simulated" in warning for warning in first),
+            "some of the campaigns are simulated (virtual tests), not measured",
+        ),
+        (
+            len(compared) < len(found),
             f"{len(found) - len(compared)} joint(s) of the other kind of motion are listed, not compared: their "
-            "coefficients have other units"
-        )
-    if len(compared) < POLICY.scatter:
-        notes.append(
-            f"{len(compared)} joint(s) with a model: outliers are looked for among {POLICY.scatter} or more"
-        )
-    names = [record.joint["name"] for record in found]
-    if len(names) > 1 and len(set(names)) == 1 and all(record.joint["serial"] is None for record in found):
-        notes.append(f"all joints are called {names[0]!r} and none has a serial: give each [joint] one")
-    return notes
+            "coefficients have other units",
+        ),
+        (
+            len(compared) < POLICY.scatter,
+            f"{len(compared)} joint(s) with a model: outliers are looked for among {POLICY.scatter} or more",
+        ),
+        (
+            alike,
+            f"all joints are called {min(names, default='')!r} and none has a serial: give each [joint] one",
+        ),
+    )
+    return [note for holds, note in notes if holds]
 
 
 def _spell_terms(terms: Sequence[str], record: CampaignRecord) -> str:
