@@ -82,9 +82,12 @@ def html_of(result: Any) -> str:
     if not tables:
         return f"{head}<pre>{escape(text_of(result))}</pre>"
     names, more = ", ".join(figures_of(result)), len(tables[0].rows) - ROWS
-    head += str(Blocks({}, {}).table(replace(tables[0], rows=tables[0].rows[:ROWS])))
-    further = f"<p>and {more} more rows</p>" if more > 0 else ""
-    return head + further + (f"<p>.plot(kind): {escape(names)}</p>" if names else "")
+    parts = (
+        str(Blocks({}, {}).table(replace(tables[0], rows=tables[0].rows[:ROWS]))),
+        f"<p>and {more} more rows</p>" * (more > 0),
+        f"<p>.plot(kind): {escape(names)}</p>" * bool(names),
+    )
+    return head + "".join(parts)
 
 
 def latex_of(result: Any) -> str | None:

@@ -269,9 +269,8 @@ def load_results(path: str | os.PathLike[str]) -> Any:
         text = str(error)
         raise InputError(text if str(saved) in text else f"{str(saved)!r}: {text}") from None
     if isinstance(getattr(result, "model", None), JointModel) and model_file.is_file():
-        model = read_model(model_file)
         # As text: a noise floor that is not known is NaN, which equals nothing.
-        if model.to_json() != result.model.to_json():
+        if read_model(model_file).to_json() != result.model.to_json():
             raise InputError(
                 f"{str(saved)!r} belongs to another model than {str(model_file)!r}; run the command with --out again"
             )

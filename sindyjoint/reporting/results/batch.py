@@ -199,13 +199,10 @@ def scatter_table(result: Batch) -> TextTable:
         share = s.spread / abs(s.mean) if s.mean else float("nan")
         return f"{100 * share:.1f} %" if np.isfinite(share) else DASH
 
-    caption = (
-        "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
-        "not tested lies in 95 of 100 cases."
-    )
     return tabulate(
         "scatter",
-        caption,
+        "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
+        "not tested lies in 95 of 100 cases.",
         result.population.scatters,
         {
             "term": lambda s: with_unit(s.coefficient, result.units[s.coefficient], result.motion),
@@ -226,10 +223,9 @@ def trends_table(result: Batch) -> TextTable:
         step = pretty_unit(result.covariate_units.get(t.covariate, "step"))
         return f"{estimate(t.slope, t.slope_error)} {pretty_unit(result.units[t.coefficient])} per {step}"
 
-    caption = "Robust weighted lines; p over all corrects for the number of trends looked for."
     return tabulate(
         "trends",
-        caption,
+        "Robust weighted lines; p over all corrects for the number of trends looked for.",
         sorted(result.population.trends, key=lambda t: t.p_value),
         {
             "trend": lambda t: f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
@@ -306,10 +302,10 @@ def _page(result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page
         ("Trends", str(sum(t.significant for t in trends)), f"of {len(trends)} looked for, at 5 % over all"),
     ]
     differ = [markup("<strong>{}</strong>: {}.").format(d.id, d.text) for d in result.differences]
-    marked = any(s.outliers for s in result.population.scatters)
+    marked = " An exclamation mark: it stands out." * any(s.outliers for s in result.population.scatters)
     title = (
         "Coefficients of the common terms with one standard error; residual and noise floor as shares of the RMS "
-        f"load.{' An exclamation mark: it stands out.' if marked else ''}"
+        f"load.{marked}"
     )
     joints = show.table(
         replace(joints_table(result), title=title), [_link(r, folder) for r in result.records]
@@ -353,17 +349,19 @@ def _warnings(result: Batch) -> list[str]:
         for each in result.population.trends
         if each.significant
     )
-    differ = (f"{one.id}: {one.text}" for one in result.differences)
-    return [*differ, *trends, *(f"note: {note}" for note in result.notes)]
+    return [
+        *(f"{one.id}: {one.text}" for one in result.differences),
+        *trends,
+        *(f"note: {note}" for note in result.notes),
+    ]
 
 
 def batch_csv(result: Batch) -> str:
     """Return one line per campaign as CSV: numbers in full, SI."""
-    scores = {s.coefficient: s.scores for s in result.population.scatters}
     series: dict[str, Mapping[str, Any]] = {
         "": result.values,
         "_standard_error": result.errors,
-        "_score": scores,
+        "_score": {s.coefficient: s.scores for s in result.population.scatters},
     }
     labels = dict.fromkeys(key for record in result.records for key in record.joint.get("labels", {}))
     rows = [

@@ -98,8 +98,7 @@ def _trust(result: Change) -> Trust:
     further = ("record longer, or at more levels", f"rule out changes of more than {beyond}")
     lacking = ("sindyjoint diagnose CAMPAIGN", "see what the later test shows that the earlier model lacks")
     again = ("test the joint again after further use", "see whether that stays so")
-    steps = [*[further] * bool(unsure), lacking if result.changed else again]
-    return Trust(lights, tuple(steps))
+    return Trust(lights, (*[further] * bool(unsure), lacking if result.changed else again))
 
 
 def _page(result: Change, data: Change, show: Blocks, folder: Path | None) -> Page:

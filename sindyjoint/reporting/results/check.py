@@ -89,8 +89,12 @@ def gather_check(check: Check[Any]) -> CheckData:
     channels = sum(len(run.channels) for run in check.recorded)
     # Of the least and the largest value of so many segments the picture of a channel is made.
     segments = int(np.clip(30_000 // max(channels, 1), 60, 450))
-    runs = tuple(_gather_run(check, run, segments) for run in check.recorded)
-    return CheckData(check.name, check.motion, check.soundness.verdict, runs)
+    return CheckData(
+        check.name,
+        check.motion,
+        check.soundness.verdict,
+        tuple(_gather_run(check, run, segments) for run in check.recorded),
+    )
 
 
 def _gather_run(check: Check[Any], run: Record, segments: int) -> CheckedRun:
@@ -194,8 +198,7 @@ def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
 
 def kinds_of_check(data: CheckData) -> dict[str, Kind]:
     """Return the figures of a check: as many as its runs take."""
-    starts = range(0, max(len(data.runs), 1), MOST_PANELS)
-    figures = [_kind_of(data, start, MOST_PANELS) for start in starts]
+    figures = [_kind_of(data, start, MOST_PANELS) for start in range(0, max(len(data.runs), 1), MOST_PANELS)]
     # A page shows them by and by; one picture of all is what a person wants of a folder.
     together = replace(_kind_of(data, 0, 24), name=TOGETHER, part=True, columns=2)
     return by_name(*figures, together)

@@ -38,11 +38,10 @@ def _best_first(choices: Sequence[Choice]) -> list[Choice]:
 
     Those that are equal as far as is shown keep their order.
     """
-    worst = float("inf")
 
     def errors(choice: Choice) -> list[float]:
         known = (choice.held_out, choice.response, choice.residual)
-        return [round(value, 4) if choice.terms and np.isfinite(value) else worst for value in known]
+        return [round(value, 4) if choice.terms and np.isfinite(value) else np.inf for value in known]
 
     return sorted(choices, key=errors)
 
@@ -198,8 +197,7 @@ def _difference(result: Comparison, choice: Choice) -> str:
     """Return what a choice has instead of the terms that it is held against."""
     if not choice.terms:
         return "no model"
-    extra, missing = choice.beside(result.reference)
-    signed = (("+", extra), ("−", missing))
+    signed = zip("+−", choice.beside(result.reference), strict=True)
     parts = [f"{sign} {spelled(term, result.motion)}" for sign, terms in signed for term in terms]
     return list_some(parts, "terms") if parts else "the same"
 
@@ -214,8 +212,11 @@ def _inclusion_rows(result: Comparison) -> list[tuple[str, list[float]]]:
     """Return label and share of each term: of the resampled campaigns first, then of every choice."""
     terms = result.shown_ids
     share = dict(zip(result.ids, result.inclusion, strict=True))
-    choices = [choice for group in result.groups.values() for choice in group]
-    chosen = [(choice.name, [float(choice[term] is not None) for term in terms]) for choice in choices]
+    chosen = [
+        (choice.name, [float(choice[term] is not None) for term in terms])
+        for group in result.groups.values()
+        for choice in group
+    ]
     return [("resampled campaigns", [share.get(term, 0.0) for term in terms]), *chosen]
 
 
@@ -337,11 +338,10 @@ def _rows(result: Comparison) -> list[dict[str, Any]]:
 def _files(result: Comparison, data: Comparison) -> dict[str, str]:
     """Return the tables as CSV, Markdown and LaTeX."""
     tables = _tables(result)
-    latex = "\n".join(table.latex() for table in tables)
     return {
         "comparison.csv": csv_records(_rows(result)),
         "comparison.md": _markdown(result, tables, _warnings(result)),
-        "comparison.tex": f"% needs \\usepackage{{booktabs}}\n{latex}",
+        "comparison.tex": "\n".join(["% needs \\usepackage{booktabs}", *(table.latex() for table in tables)]),
     }
 
 
@@ -361,10 +361,10 @@ def _printed(result: Comparison, console: Console) -> list[Any]:
     shown = [f"  {escape(said)}\n", choices_table(result).headed(wraps=True)]
     shown += [f"\n{escape(result.agreement)}"] * result.of_paper
     if result.tests:
-        tests = tests_table(result.tests, result.motion)
-        taken = tests.take("term", "trend over band", "at most", "p", "answer")
-        heads = ("over the tested band", "trend", "at most", "p", "answer")
-        shown += ["", taken.headed(*heads, wraps=True)]
+        taken = tests_table(result.tests, result.motion).take(
+            "term", "trend over band", "at most", "p", "answer"
+        )
+        shown += ["", taken.headed("over the tested band", "trend", "at most", "p", "answer", wraps=True)]
     return shown
 
 

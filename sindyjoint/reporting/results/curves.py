@@ -266,8 +266,9 @@ def _structure_tables(result: StructureCurves) -> tuple[TextTable, ...]:
 def _page(result: Any, show: Blocks, about: Sequence[str], reason: str, *parts: Section) -> Page:
     title, kicker, said = about
     found = show.verdict(capital(said)), show.paragraph(reason, "reason")
-    lead = (show.warnings(result.warnings),)
-    return Page(f"{result.name}: {title}", kicker, result.name, "", found, lead, parts)
+    return Page(
+        f"{result.name}: {title}", kicker, result.name, "", found, (show.warnings(result.warnings),), parts
+    )
 
 
 def _joint_page(result: JointCurves, data: JointCurves, show: Blocks, folder: Path | None) -> Page:
@@ -370,10 +371,12 @@ def _structure_files(result: StructureCurves, data: StructureCurves) -> dict[str
 
 def _structure_details(result: StructureCurves) -> Iterator[str]:
     """Yield the number of points of each curve."""
-    for mode in result.modes:
-        yield f"mode {mode.number}: {mode.amplitude.size} amplitudes, {mode.harmonics} harmonics"
-    for level in result.levels:
-        yield f"{level.force:g} N: {level.frequency.size} frequencies, {level.harmonics} harmonics"
+    yield from (
+        f"mode {m.number}: {m.amplitude.size} amplitudes, {m.harmonics} harmonics" for m in result.modes
+    )
+    yield from (
+        f"{f.force:g} N: {f.frequency.size} frequencies, {f.harmonics} harmonics" for f in result.levels
+    )
 
 
 def joint_headline(result: JointCurves) -> str:

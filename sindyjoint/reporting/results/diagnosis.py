@@ -134,8 +134,9 @@ def _printed(result: Diagnosis, console: Console) -> Iterator[Any]:
         yield from ("", parameters.headed())
     budget = result.budget
     if budget.total > 0:
-        shares = {name: round(getattr(budget, name) / budget.total, 2) for name in PARTS}
-        parts = ", ".join(f"{name} {percent(share)}" for name, share in shares.items())
+        parts = ", ".join(
+            f"{name} {percent(round(getattr(budget, name) / budget.total, 2))}" for name in PARTS
+        )
         yield f"\nthe first gap in mean square: {parts}"
     yield from (f"- {escape(text)}" for text in (*(region.words for region in result.where), *_notes(result)))
     if result.hidden is not None:

@@ -105,8 +105,10 @@ def rivals(result: Diagnosis, ax: Axes) -> None:
 def where(result: Diagnosis, ax: Axes) -> None:
     """Draw the regions that hold more of the gap than their share of the samples."""
     labels = [plain(fill(shortened(region.words.partition(":")[0], 60), 26)) for region in result.where]
-    shares = [100 * region.share for region in result.where]
-    bars(ax, labels, shares, 100, SHARE, PALETTE[0], height=0.6, title="Where the gap lies")
+    bars(
+        ax, labels, [100 * region.share for region in result.where], 100, SHARE, PALETTE[0], height=0.6,
+        title="Where the gap lies",
+    )  # fmt: skip
 
 
 def maps(result: Diagnosis) -> list[Panel]:
@@ -160,13 +162,11 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
 def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> None:
     """Draw the residuals of a run together with its noise."""
     of = "noise of the mean period" if before.repeats else "noise"
-    look = {"color": MUTED, "alpha": 0.2, "lw": 0, "label": f"{of}, ±2σ"}
-    curves = [(before, before.residual, BEFORE | {"label": "residual of the model alone"})]
-    curves += (
-        [] if after is None else [(after, after.residual, AFTER | {"label": "residual with the effects"})]
-    )
+    noise = {"color": MUTED, "alpha": 0.2, "lw": 0, "label": f"{of}, ±2σ"}
+    named = (before, BEFORE, "residual of the model alone"), (after, AFTER, "residual with the effects")
+    curves = [(run, run.residual, look | {"label": label}) for run, look, label in named if run is not None]
     up = moment_scale(result.model.joint.motion, before.residual, "Measured less model")
-    _drawn(result, ax, up, curves, [(None, (-2 * before.noise, 2 * before.noise), look)])
+    _drawn(result, ax, up, curves, [(None, (-2 * before.noise, 2 * before.noise), noise)])
 
 
 def _drawn(
@@ -181,8 +181,10 @@ def _drawn(
         curves += [(x, y, unnamed) for x, y in _pieces(one, values)] + [([], [], look)]
     time = time_label(result.model.fitted.quasi_static, motion)
     where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
-    title = where if run.repeats else run.run
-    plot(ax, across if run.frequency > 0 else time, up, curves, title, columns=1 if behind else 2)
+    plot(
+        ax, across if run.frequency > 0 else time, up, curves, where if run.repeats else run.run,
+        columns=1 if behind else 2,
+    )  # fmt: skip
 
 
 def _pieces(run: RunGap, values: Array) -> list[tuple[Array, Array]]:

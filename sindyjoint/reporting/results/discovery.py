@@ -221,12 +221,11 @@ def _details(result: Discovery) -> Iterator[str]:
         f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
         + (f"{fitted.noise_floor:.4g}" if math.isfinite(fitted.noise_floor) else "an unknown part")
     )
-    terms = [(term, abs(term.coefficient) or 1.0) for term in result.model.terms]
     yield from aligned(
         tabulate(
             "shares",
             "",
-            terms,
+            [(term, abs(term.coefficient) or 1.0) for term in result.model.terms],
             {
                 "term": lambda one: one[0].id,
                 "unique share": lambda one: f"{100 * one[0].unique_share:.2f} %",
@@ -242,13 +241,10 @@ def over_table(over: OverInput) -> TextTable:
     def at(place: int) -> Callable[[Any], str]:
         return lambda row: rounded(row.values[place], row.errors[place])
 
-    title = (
-        f"The law over {over.label}: coefficients at the least, the reference and the largest value, with one standard "
-        "error; with levels apart: what fits to the runs of each level say."
-    )
     return tabulate(
         f"over_{over.name}",
-        title,
+        f"The law over {over.label}: coefficients at the least, the reference and the largest value, with one standard "
+        "error; with levels apart: what fits to the runs of each level say.",
         over.coefficients,
         {
             "": lambda row: row.symbol,
@@ -263,10 +259,9 @@ def over_table(over: OverInput) -> TextTable:
 def runs_table(data: ReportData) -> TextTable:
     """Return one row for each run."""
     factor, unit = _residual_scale(data.model)
-    title = "Residual of moving samples and noise of single samples."
     return tabulate(
         "runs",
-        title,
+        "Residual of moving samples and noise of single samples.",
         data.loops,
         {
             "Run": lambda loop: loop.run,
@@ -288,13 +283,11 @@ def path_table(data: ReportData) -> TextTable:
     terms = [*(step.terms for step in data.path), ()]
 
     def beyond(i: int, j: int) -> str:
-        only = (term for term in terms[i] if term not in terms[j])
-        return ", ".join(spelled(term, data.model.joint.motion) for term in only)
+        return ", ".join(spelled(term, data.model.joint.motion) for term in terms[i] if term not in terms[j])
 
-    title = "From the largest model to the smallest. Adds: what it has beyond the next smaller one."
     return tabulate(
         "path",
-        title,
+        "From the largest model to the smallest. Adds: what it has beyond the next smaller one.",
         range(len(data.path)),
         {
             "Terms": lambda i: f"{len(terms[i])}{' (chosen)' if i == data.chosen else ''}",

@@ -255,8 +255,7 @@ def _shown(state: ForceStates) -> NDArray[np.intp]:
         length = round(min(n, 12 * period)) if turns >= 2 else n
     start = max(0, (n - length) // 2)
     stop = min(n, start + max(length, 2))
-    step = max(1, -(-(stop - start) // 480))
-    return np.arange(start, stop, step)
+    return np.arange(start, stop, max(1, -(-(stop - start) // 480)))
 
 
 def _over_time(state: ForceStates, residual: Array) -> tuple[Array, Array]:

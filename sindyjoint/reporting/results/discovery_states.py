@@ -43,8 +43,9 @@ NOISE_FLOOR: Any = {"color": MUTED, "lw": 1.6, "zorder": 1, "label": "noise floo
 def loop_groups(data: ReportData) -> dict[str, list[Loop]]:
     """Return the runs by frequency; aperiodic ones together."""
     keys = ["aperiodic" if loop.frequency is None else f"{loop.frequency:.4g} Hz" for loop in data.loops]
-    pairs = [*zip(keys, data.loops, strict=True)]
-    return {group: [loop for key, loop in pairs if key == group] for group in keys}
+    return {
+        group: [loop for key, loop in zip(keys, data.loops, strict=True) if key == group] for group in keys
+    }
 
 
 def _loop_scales(data: ReportData) -> tuple[Scale, Scale]:
@@ -174,8 +175,7 @@ def _nearest(data: ReportData, column: int, direction: int) -> Any:
     """Return, for each angle, the filled cell nearest to zero rate within a quarter of the rates; −1 without one."""
     reach = max(1, data.surface.n // 8)
     columns = [c for c in range(column, column + direction * reach, direction) if 0 <= c < data.surface.n]
-    rows = range(data.surface.n)
-    return np.array([next((c for c in columns if data.surface.filled[row, c]), -1) for row in rows])
+    return np.array([next((c for c in columns if row[c]), -1) for row in data.surface.filled])
 
 
 def _mark_step(data: ReportData, ax: Axes, x: Scale, z: Scale) -> None:
@@ -188,8 +188,7 @@ def _mark_step(data: ReportData, ax: Axes, x: Scale, z: Scale) -> None:
     look = {"arrowstyle": "<->", "color": INK, "linewidth": 0.8}
     ax.annotate("", (middle, above), (middle, below), arrowprops=look)
     # In the corner, where neither of the two rising curves passes.
-    step = f"step {above - below:.3g} {z.unit}"
-    ax.text(0.98, 0.03, step, fontsize=7, ha="right", transform=ax.transAxes)
+    ax.text(0.98, 0.03, f"step {above - below:.3g} {z.unit}", fontsize=7, ha="right", transform=ax.transAxes)
 
 
 def cut_at_centre(data: ReportData, ax: Axes) -> None:

@@ -134,8 +134,9 @@ def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> None:
     shown = [(f + aside, published[at]) for f in frequencies if (at := f"{f:.4g} Hz") in published]
     estimates = frequencies, np.array(test.estimates), np.array(test.standard_errors)
     factor, unit = scale_of(test.mean, result.units.get(test.name, ""))
-    axes = "Frequency (Hz)", Scale(unit, "", factor)
-    _estimates(ax, axes, estimates, (test.mean, test.margin), shown, xmargin=0.12)
+    _estimates(
+        ax, ("Frequency (Hz)", Scale(unit, "", factor)), estimates, (test.mean, test.margin), shown, xmargin=0.12
+    )  # fmt: skip
     ax.set_title(plain(f"{spelled(test.name, result.motion)}\n{test.answer}"))
 
 
@@ -252,9 +253,13 @@ def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: Coefficie
 def _inputs(data: ReportData) -> list[Panel]:
     laws: list[Panel] = [partial(law_at_values, over=over) for over in data.over if data.model.terms]
     # A coefficient that has something to show over an input.
-    pairs = [(over, row) for over in data.over for row in over.coefficients]
-    told = spread([(over, row) for over, row in pairs if row.levels or len(set(row.values)) > 1])
-    return laws + [partial(coefficient_over, over=over, row=row) for over, row in told]
+    told = [
+        partial(coefficient_over, over=over, row=row)
+        for over in data.over
+        for row in over.coefficients
+        if row.levels or len(set(row.values)) > 1
+    ]
+    return laws + spread(told)
 
 
 _WHOLE = (

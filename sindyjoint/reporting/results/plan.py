@@ -80,8 +80,10 @@ def draw_curve(data: Plan, ax: Axes) -> None:
 def draw_complete(data: Plan, ax: Axes) -> None:
     """Draw the share of the joints of which a discovery takes every term that matters, over the time of the runs."""
     steps = [step.seconds for step in data.curve], [100 * step.complete for step in data.curve]
-    label = "Joints with every term found (%)"
-    plot(ax, "Time of all runs (s)", label, [(*steps, DOTS | {"ms": 3.5})], ylim=(0, 104), xlim=(0, None))
+    plot(
+        ax, "Time of all runs (s)", "Joints with every term found (%)", [(*steps, DOTS | {"ms": 3.5})],
+        ylim=(0, 104), xlim=(0, None),
+    )  # fmt: skip
 
 
 def draw_separation(data: Plan, ax: Axes) -> None:
@@ -172,12 +174,10 @@ def _share(value: float) -> str:
 def _tables(result: Plan) -> tuple[TextTable, ...]:
     """Return the runs in their order, and what is expected of each coefficient."""
     grid = {each.id: each for each in result.grid}
-    what = "Half-width of the 95 % interval, relative to the coefficient."
-    order = "In the order in which they are to be made."
     return (
         tabulate(
             "runs",
-            order,
+            "In the order in which they are to be made.",
             range(len(result.runs)),
             {
                 "Run": lambda at: f"{at + 1:02d}",
@@ -192,7 +192,7 @@ def _tables(result: Plan) -> tuple[TextTable, ...]:
         ),
         tabulate(
             "widths",
-            what,
+            "Half-width of the 95 % interval, relative to the coefficient.",
             result.predicted,
             {
                 "Coefficient": lambda each: spelled(each.id, result.model.joint.motion),

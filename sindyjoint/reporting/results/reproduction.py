@@ -86,8 +86,10 @@ def one_period(state: ForceStates) -> Array:
 
 def loops(joint: JointFigures, ax: Axes) -> None:
     """Draw moment over angle at 3 Hz for some of the levels: one period each (Figure 5)."""
-    shown = joint.loops[:7:2]
-    curves = [(1e3 * theta, moment, cycled(place, lw=0.9)) for place, (theta, moment) in enumerate(shown)]
+    curves = [
+        (1e3 * theta, moment, cycled(place, lw=0.9))
+        for place, (theta, moment) in enumerate(joint.loops[:7:2])
+    ]
     plot(ax, "Angle $\\theta$ (mrad)", "Moment $M$ (N·m)", curves, f"{joint.name}, 3 Hz")
 
 
@@ -126,8 +128,7 @@ def surface(of: JointFigures | ForceStateMap, ax: Any) -> None:
 def force(result: ReproductionFigures, ax: Axes) -> None:
     """Draw the pulse (Figure 9)."""
     time, values = result.force
-    curves = [(1e3 * time, values, {"color": PALETTE[0]})]
-    plot(ax, "Time (ms)", "Force (N)", curves, "Exciting force")
+    plot(ax, "Time (ms)", "Force (N)", [(1e3 * time, values, {"color": PALETTE[0]})], "Exciting force")
 
 
 def displacement(result: ReproductionFigures, ax: Axes, truth: str, until: float, model: bool) -> None:
@@ -347,8 +348,10 @@ def _page(result: Reproduction, data: ReproductionFigures, show: Blocks, folder:
 
 def _printed(result: Reproduction, console: Console) -> list[Any]:
     """Return tables and statements."""
-    joints = map(joint_table, result.joints)
-    titled = [replace(table, title=f"{table.title[:-1]}, identified (paper)") for table in joints]
+    titled = [
+        replace(table, title=f"{table.title[:-1]}, identified (paper)")
+        for table in map(joint_table, result.joints)
+    ]
     return [*_titled(*titled), f"{escape(_LEGEND)}\n", *_said(result.checks, result.statements)]
 
 

@@ -214,9 +214,9 @@ def law_words(law: JointLaw) -> str:
         return law.reason
     if not law.found:
         return f"no model: {law.discovery.reason}"
-    runs = len(law.recovered)
     words = (
-        f"{len(law.discovery.model.terms)} terms from {runs} recovered run(s) of {' and '.join(law.joints)}"
+        f"{len(law.discovery.model.terms)} terms from {len(law.recovered)} recovered run(s) of "
+        f"{' and '.join(law.joints)}"
     )
     return f"{words}; {law.alike}" if law.alike else words
 

@@ -415,10 +415,9 @@ def _with_numbers(result: Verification) -> tuple[TextTable, ...]:
     """Return the numbers before and after in addition to runs and terms."""
     if not isinstance(result, RefinedModel) or result.before is None:
         return _tables(result)
-    title = "Numbers of the model before and after the refinement, with one standard error."
     return *_tables(result), tabulate(
         "numbers",
-        title,
+        "Numbers of the model before and after the refinement, with one standard error.",
         result.numbers,
         {
             "Number": lambda each: spelled(each.number),
