@@ -25,9 +25,7 @@ from sindyjoint.cli.options import (
 from sindyjoint.errors import InputError, refuse
 
 if TYPE_CHECKING:
-    from sindyjoint.diagnosis.result import Diagnosis
     from sindyjoint.equation.model import JointModel
-    from sindyjoint.judgement.discovery import Discovery
     from sindyjoint.mechanics.transient import Response
     from sindyjoint.workflows.simulate import WrittenTest
 
@@ -225,12 +223,10 @@ def _require_refine(refine: bool | None, option: str) -> None:
         raise typer.BadParameter("belongs to --refine; add --refine, or leave it out", param_hint=option)
 
 
-def _find_terms(
-    campaign: Path | None, progress: Progress, options: dict[str, Any], refined_with: Any
-) -> Discovery:
+def _find_terms(campaign: Path | None, progress: Progress, options: dict[str, Any], refined_with: Any) -> Any:
     """Return the discovery of a campaign; refined on the simulated response with some nuisances, unless None."""
     measured = read(campaign, in_segments=True)
-    result: Discovery = call("workflows.discover:discover", measured, progress=progress.say, **options)()
+    result = call("workflows.discover:discover", measured, progress=progress.say, **options)()
     if refined_with is not None:
         progress.say("refining on the simulated response")
         result = call("judgement.discovery:refined", result, refined_with)()
@@ -309,7 +305,7 @@ def diagnose(
     Example: sindyjoint diagnose --out diagnosis
     """
 
-    def find() -> Diagnosis:
+    def find() -> Any:
         return _diagnosis_of(
             campaign,
             model,

@@ -24,10 +24,8 @@ from sindyjoint.limits import DISCOVERY, JUDGEMENT
 from sindyjoint.text import printable
 
 if TYPE_CHECKING:
-    from sindyjoint.judgement.comparison import Comparison
     from sindyjoint.reporting.output import CampaignFiles
     from sindyjoint.workflows.joints import CampaignRecord
-    from sindyjoint.workflows.joints.summary import Batch
 
 
 @with_blocks
@@ -112,7 +110,7 @@ def compare(
     Example: sindyjoint compare --out comparison
     """
 
-    def find() -> Comparison:
+    def find() -> Any:
         return call(
             "workflows.compare:compare", read(campaign, in_segments=True), model=model, align=align,
             replicates=replicates, margin=margin, rng=random_state, progress=progress.say, **vars(work),
@@ -372,7 +370,7 @@ def batch(
         _print_faults(faults, out, output.as_json)
         raise typer.Exit(1 if faults else 0)
 
-    def find() -> Batch:
+    def find() -> Any:
         options["write"] = _files_of_batch(reports, diagnose)
         return _run_batch(campaigns, out, progress, {**options, **vars(work)})
 
@@ -386,7 +384,7 @@ def _files_of_batch(reports: bool, diagnose: bool) -> CampaignFiles | None:
     return CampaignFiles(reports, diagnose) if reports or diagnose else None
 
 
-def _run_batch(campaigns: list[str], out: Path, progress: Progress, options: dict[str, Any]) -> Batch:
+def _run_batch(campaigns: list[str], out: Path, progress: Progress, options: dict[str, Any]) -> Any:
     """Discover the joints of all campaigns; what is broken is reported at once."""
     call("reporting.output:place_of", "batch", out)()
 
@@ -395,10 +393,9 @@ def _run_batch(campaigns: list[str], out: Path, progress: Progress, options: dic
             typer.echo(printable(f"sindyjoint: {record.id}: {record.reason}"), err=True)
 
     try:
-        found: Batch = call(
+        return call(
             "workflows.batch:batch", campaigns, out, progress=progress.say, on_record=report, **options
         )()
-        return found
     except KeyboardInterrupt:
         raise Interrupted("the same command goes on where this one stopped") from None
 

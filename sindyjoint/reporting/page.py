@@ -176,6 +176,8 @@ class Blocks:
         SVG of what is drawn, by kind.
     panel : callable
         Name of a figure and number of a panel → that as an SVG, and whether it is all of the figure.
+    folder : Path, optional
+        Where the page will stand.
     """
 
     def __init__(
@@ -183,7 +185,9 @@ class Blocks:
         kinds: Mapping[str, Kind],
         pictures: Mapping[str, bytes],
         panel: Callable[[str, int], tuple[bytes, bool]] = lambda name, place: (b"", False),
+        folder: Path | None = None,
     ):
+        self.folder = folder
         self._kinds, self._pictures, self._panel = kinds, dict(pictures), panel
 
     def __getattr__(self, name: str) -> Callable[..., str]:

@@ -1,7 +1,5 @@
 """Every kind of result by its type: what it shows, its figures by name, what is saved and drawn again, its schema."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator, Mapping

@@ -188,6 +188,13 @@ def _cell(cell: object) -> object:
     return cell
 
 
+def escape(text: str) -> str:
+    """Return text for a terminal in which nothing is markup."""
+    from rich import markup
+
+    return markup.escape(text)
+
+
 def terminal() -> Console:
     """Return the console that results are printed on: as wide as its window, or 100 where output is piped."""
     from rich.console import Console

@@ -1,7 +1,5 @@
 """What every kind of result offers, once: its record, tables, figures, page, lines, and what is kept of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -14,7 +12,15 @@ from sindyjoint.plain import fields_of, to_plain
 from sindyjoint.reporting.figure import Figure, Kind, Panel, drawn
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
-from sindyjoint.reporting.tables import Console, TextTable, findings_table, json_text, print_table, terminal
+from sindyjoint.reporting.tables import (
+    Console,
+    TextTable,
+    escape,
+    findings_table,
+    json_text,
+    print_table,
+    terminal,
+)
 from sindyjoint.text import in_words_of, in_words_of_origin, spelled
 from sindyjoint.trust import Light, Trust
 
@@ -62,7 +68,7 @@ class View:
     tables : callable
         Result → the tables that people read, in order.
     page : callable, optional
-        Result, data, blocks, the folder where it will stand → what the page says.
+        Result, data, blocks → what the page says.
     headline : callable
         Result → whether to trust it and what to do next; None for what no such question is asked of.
     question : str
@@ -97,7 +103,7 @@ class View:
     folder: str = ""
     kinds: Mapping[str, Kind] | Callable[[Any], Mapping[str, Kind]] = field(default_factory=dict)
     tables: Callable[[Any], tuple[TextTable, ...]] = lambda result: ()
-    page: Callable[[Any, Any, Blocks, Path | None], Page] | None = None
+    page: Callable[[Any, Any, Blocks], Page] | None = None
     headline: Callable[[Any], Trust | None] = lambda result: None
     question: str = "What is it?"
     printed: Callable[[Any, Console], Iterable[Any]] | None = None
@@ -218,8 +224,8 @@ class View:
     ) -> str:
         """Return the report as one HTML text, from its figures as SVG by kind."""
         assert self.page is not None
-        show = Blocks(self.figures(data), pictures, partial(self.panel, data))
-        page, headline = self.page(result, data, show, folder), self.headline(result)
+        show = Blocks(self.figures(data), pictures, partial(self.panel, data), folder)
+        page, headline = self.page(result, data, show), self.headline(result)
         found = (
             page.found
             if headline is None
@@ -239,8 +245,6 @@ class View:
 
     def show(self, result: Any) -> None:
         """Print the result for a person: whether to trust it, what it is, what to do next."""
-        from rich.markup import escape
-
         console, headline = terminal(), self.headline(result)
         console.print(self.about(result))
         if headline is not None:
@@ -265,8 +269,6 @@ class View:
 
 def _print_lights(lights: Sequence[Light], console: Console) -> None:
     """Print reasons, one a line."""
-    from rich.markup import escape
-
     wide = max([8, *(len(light.name) for light in lights)])
     for light in lights:
         colour, mark = MARKS[light.colour]

@@ -9,7 +9,6 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.policy import SHARED as POLICY
 from sindyjoint.reporting.equation import estimate, signed_percent, with_unit
@@ -22,6 +21,7 @@ from sindyjoint.reporting.tables import (
     TextTable,
     aligned,
     csv_records,
+    escape,
     fitting_blocks,
     tabulate,
 )
@@ -293,7 +293,7 @@ def _link(record: CampaignRecord, folder: Path | None) -> str:
     return quote(page) if there else ""
 
 
-def _page(result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page:
+def _page(result: Batch, data: Batch, show: Blocks) -> Page:
     """Return which joints differ, all of them, scatter and trends; rows are linked to the campaigns' pages."""
     trends = result.population.trends
     facts = [
@@ -308,7 +308,7 @@ def _page(result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page
         f"load.{marked}"
     )
     joints = show.table(
-        replace(joints_table(result), title=title), [_link(r, folder) for r in result.records]
+        replace(joints_table(result), title=title), [_link(r, show.folder) for r in result.records]
     )
     courses = (show.pictures("trends"), show.tables(trends_table(result))) if trends else ()
     return Page(

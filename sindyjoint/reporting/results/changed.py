@@ -1,15 +1,12 @@
 """Two tests of one joint: what moved, on a terminal, as a picture, as a page, as files."""
 
-from pathlib import Path
-
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.judgement.changed import Change, Shift
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, fixed, math_symbol, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
-from sindyjoint.reporting.tables import DASH, TextTable, csv_text, shown, tabulate
+from sindyjoint.reporting.tables import DASH, TextTable, csv_text, escape, shown, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, rounded
 from sindyjoint.trust import Trust, doubt
@@ -101,7 +98,7 @@ def _trust(result: Change) -> Trust:
     return Trust(lights, (*[further] * bool(unsure), lacking if result.changed else again))
 
 
-def _page(result: Change, data: Change, show: Blocks, folder: Path | None) -> Page:
+def _page(result: Change, data: Change, show: Blocks) -> Page:
     """Return the answer and every coefficient."""
     before, after = result.names
     which = f"Before: {before}; after: {after}. " if result.names != ("before", "after") else ""

@@ -3,12 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
@@ -23,6 +21,7 @@ from sindyjoint.reporting.tables import (
     TextTable,
     aligned,
     csv_text,
+    escape,
     findings_table,
     tabulate,
 )
@@ -240,7 +239,7 @@ def _tables(result: Any) -> tuple[TextTable, ...]:
     return (findings_table([replace(f, channel=f.channel and label(f.channel)) for f in findings]),)
 
 
-def _page(result: Any, data: CheckData, show: Blocks, folder: Path | None) -> Page:
+def _page(result: Any, data: CheckData, show: Blocks) -> Page:
     """Return the verdict, every finding, and every channel; first those of the run with the severest finding."""
     check, (table,) = _check_of(result), _tables(result)
     found, verdict = check.soundness.findings, check.soundness.verdict

@@ -2,12 +2,10 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.judgement.comparison import Choice, Comparison, GivenModel
@@ -25,6 +23,7 @@ from sindyjoint.reporting.tables import (
     TextTable,
     aligned,
     csv_records,
+    escape,
     shown,
     tabulate,
 )
@@ -275,7 +274,7 @@ def _tables(result: Comparison) -> tuple[TextTable, ...]:
     )
 
 
-def _page(result: Comparison, data: Comparison, show: Blocks, folder: Path | None) -> Page:
+def _page(result: Comparison, data: Comparison, show: Blocks) -> Page:
     """Return how far all agree, which terms are chosen by what, and every table."""
     model = None if result.discovery is None else result.discovery.model
     load = quantities(result.motion).moment.lower()

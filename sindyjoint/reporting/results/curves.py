@@ -2,19 +2,17 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.markup import escape
 
 from sindyjoint.judgement import EXPORT
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, Section, capital, section
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, amount, shortened
-from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, tabulate
+from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, escape, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.substructure.forced import ForcedResponse, StructureCurves
 from sindyjoint.substructure.joint_curves import MEASURES, JointCurves
@@ -271,7 +269,7 @@ def _page(result: Any, show: Blocks, about: Sequence[str], reason: str, *parts: 
     )
 
 
-def _joint_page(result: JointCurves, data: JointCurves, show: Blocks, folder: Path | None) -> Page:
+def _joint_page(result: JointCurves, data: JointCurves, show: Blocks) -> Page:
     """Return how far stiffness and loss change, and all of it."""
     blocks = show.pictures("stiffness", "loss", "energy"), show.tables(*_joint_tables(result))
     part = section("curves", "Stiffness and loss", "Stiffness and loss", *blocks)
@@ -279,9 +277,7 @@ def _joint_page(result: JointCurves, data: JointCurves, show: Blocks, folder: Pa
     return _page(result, show, about, f"Of the model {result.equation}.", part)
 
 
-def _structure_page(
-    result: StructureCurves, data: StructureCurves, show: Blocks, folder: Path | None
-) -> Page:
+def _structure_page(result: StructureCurves, data: StructureCurves, show: Blocks) -> Page:
     """Return how far the first mode changes, responses and modes."""
     levels, modes = map(show.tables, _structure_tables(result))
     how = f"The force acts at {result.at}; up to {result.harmonics} harmonics; sticking is exact."

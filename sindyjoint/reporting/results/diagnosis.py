@@ -2,11 +2,9 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap
 from sindyjoint.diagnosis.verdict import reported_together
@@ -17,13 +15,7 @@ from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sen
 from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, PARTS, STRUCTURE_KINDS
 from sindyjoint.reporting.results.verification import every
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.tables import (
-    DASH,
-    Console,
-    TextTable,
-    aligned,
-    tabulate,
-)
+from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, escape, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
 
@@ -83,7 +75,7 @@ def _rows(result: Diagnosis) -> list[dict[str, Any]]:
     ]
 
 
-def _page(result: Diagnosis, data: Diagnosis, show: Blocks, folder: Path | None) -> Page:
+def _page(result: Diagnosis, data: Diagnosis, show: Blocks) -> Page:
     """Return what is missing, the gap step by step, where it lies, and the model."""
     badge, headline = VERDICTS[result.verdict]
     motion, name = result.model.joint.motion, result.model.joint.name

@@ -3,11 +3,9 @@
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import INERTIA, JointModel
@@ -26,6 +24,7 @@ from sindyjoint.reporting.tables import (
     Console,
     TextTable,
     aligned,
+    escape,
     natural_width,
     short_number,
     tabulate,
@@ -92,7 +91,7 @@ def _tables(result: Discovery | ReportData) -> tuple[TextTable, ...]:
     return (model_table(result.model), *map(over_table, over))
 
 
-def _page(result: Discovery | ReportData, data: ReportData, show: Blocks, folder: Path | None) -> Page:
+def _page(result: Discovery | ReportData, data: ReportData, show: Blocks) -> Page:
     """Return the equation, its terms, the map, loops, residual, why these terms, and the runs."""
     model, q = data.model, quantities(data.model.joint.motion)
     found, name = bool(model.terms), model.joint.name

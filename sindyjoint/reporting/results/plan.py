@@ -2,18 +2,16 @@
 
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.planning.plan import PLAN_NAME, TELL_APART, Plan, drive_signal, plan_text, run_name
 from sindyjoint.planning.search import PAPER
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, pretty_unit
-from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, tabulate
+from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, escape, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, percent, spelled
 from sindyjoint.trust import Light, Trust, doubt
@@ -275,7 +273,7 @@ def _trust(result: Plan) -> Trust:
     return Trust(lights, (try_it, make) if result.runs else (none,))
 
 
-def _page(result: Plan, data: Plan, show: Blocks, folder: Path | None) -> Page:
+def _page(result: Plan, data: Plan, show: Blocks) -> Page:
     """Return what the plan promises, its runs, and what they are expected to tell."""
     runs, widths = _tables(result)
     files = markup("The same in <code>{}</code>; <code>drive-*.csv</code> hold what is prescribed over time.")

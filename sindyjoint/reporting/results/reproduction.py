@@ -3,11 +3,9 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.judgement.paper_tables import TableCheck
 from sindyjoint.numeric import Array
@@ -17,12 +15,7 @@ from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.discovery import state_lines
 from sindyjoint.reporting.results.verification import amplitude, period, response_payload, thinned
 from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, pretty_unit
-from sindyjoint.reporting.tables import (
-    Console,
-    TextTable,
-    csv_records,
-    milliseconds,
-)
+from sindyjoint.reporting.tables import Console, TextTable, csv_records, escape, milliseconds
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import RunVerification
 from sindyjoint.states import ForceStates
@@ -271,7 +264,7 @@ def _trust(result: Reproduction) -> Trust:
     return Trust(lights, (own,))
 
 
-def _page(result: Reproduction, data: ReproductionFigures, show: Blocks, folder: Path | None) -> Page:
+def _page(result: Reproduction, data: ReproductionFigures, show: Blocks) -> Page:
     """Return how near the paper it comes, its tables and figures, what they show and what not."""
     furthest = max(float(joint.largest_error.max()) for joint in result.joints)
     plain, richer = result.pulse.plain, result.pulse.richer

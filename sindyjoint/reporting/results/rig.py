@@ -3,18 +3,16 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import MUTED, PALETTE, amount, plain, shortened
-from sindyjoint.reporting.tables import TextTable, csv_columns, tabulate
+from sindyjoint.reporting.tables import TextTable, csv_columns, escape, tabulate
 from sindyjoint.reporting.view import View, listed
 from sindyjoint.trust import Light, Trust, doubt
 from sindyjoint.workflows.simulate import RigMotion
@@ -158,7 +156,7 @@ def _trust(result: RigMotion) -> Trust:
     )
 
 
-def _page(result: RigMotion, data: RigFigures, show: Blocks, folder: Path | None) -> Page:
+def _page(result: RigMotion, data: RigFigures, show: Blocks) -> Page:
     """Return where the energy goes, what each joint did, frequencies and motion."""
     first, (modes, joints) = max(result.heat, key=lambda name: result.heat[name]), _tables(result)
     share = 100 * (result.heat[first] / (sum(result.heat.values()) or 1.0))

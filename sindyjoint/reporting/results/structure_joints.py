@@ -2,11 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind
 from sindyjoint.judgement.rig_discovery import RigDiscovery
@@ -16,7 +14,7 @@ from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, each, fixed,
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
-from sindyjoint.reporting.tables import Console, TextTable, tabulate
+from sindyjoint.reporting.tables import Console, TextTable, escape, tabulate
 from sindyjoint.reporting.view import FINDING, View
 
 # Loss of a sensor at which the scale of the picture ends.
@@ -146,7 +144,7 @@ def _tables(result: RigDiscovery) -> tuple[TextTable, ...]:
     )
 
 
-def _page(result: RigDiscovery, data: StructureFigures, show: Blocks, folder: Path | None) -> Page:
+def _page(result: RigDiscovery, data: StructureFigures, show: Blocks) -> Page:
     """Return each law, its terms, and how the joints were recovered."""
     terms, joints, numbers = map(show.tables, _tables(result))
     said = markup("<b>{}</b>: {}"), markup(' (<a href="{}/report.html">its page</a>)')

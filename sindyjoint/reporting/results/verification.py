@@ -3,11 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.reporting.equation import model_table
@@ -32,6 +30,7 @@ from sindyjoint.reporting.tables import (
     Console,
     TextTable,
     aligned,
+    escape,
     milliseconds,
     short_number,
     tabulate,
@@ -299,7 +298,6 @@ def _page(
     result: Verification,
     data: Verification,
     show: Blocks,
-    folder: Path | None,
 ) -> Page:
     """Return verdict and equations, runs, responses, decay, models."""
     passed, virtual = result.verdict == "passed", VERIFICATION.simulated(result)
