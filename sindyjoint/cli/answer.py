@@ -12,15 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 
 from sindyjoint.errors import UnsoundError
 from sindyjoint.trust import PLACES, Places
-
-if TYPE_CHECKING:
-    from sindyjoint.record import Campaign
 
 R = TypeVar("R")
 ForceOption = Annotated[
@@ -101,7 +98,7 @@ def call(function: str, *arguments: Any, **options: Any) -> Callable[[], Any]:
     return made
 
 
-def read(campaign: Path | None, in_segments: bool = False) -> Campaign | None:
+def read(campaign: Path | None, in_segments: bool = False) -> Any:
     """Read a campaign before the imports of the search that it is for: what is wrong with it takes no second to say."""
     if campaign is None:
         return None

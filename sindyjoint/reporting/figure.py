@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from sindyjoint.reporting.style import (
     INK,
     PALETTE,
     SEQUENTIAL,
+    Axes,
+    Figure,
     drawing_style,
     legend_above,
     plain,
@@ -27,12 +29,6 @@ from sindyjoint.reporting.style import (
 from sindyjoint.states.surface import ForceStateMap
 from sindyjoint.text import power_of_ten, quantities, superscript
 
-if TYPE_CHECKING:
-    import matplotlib.axes
-    import matplotlib.figure
-
-Axes: TypeAlias = "matplotlib.axes.Axes"
-Figure: TypeAlias = "matplotlib.figure.Figure"
 # Draws a result into axes.
 Panel: TypeAlias = "Callable[[Any, Axes], None]"
 

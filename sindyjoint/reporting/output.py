@@ -1,7 +1,5 @@
 """What every result offers: as text, in a notebook, as a picture, a frame, and whole in a folder or not at all."""
 
-from __future__ import annotations
-
 import io
 import os
 import re
@@ -11,7 +9,7 @@ from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sindyjoint.documents import kind_of_results, read_checked
 from sindyjoint.equation.model import JointModel
@@ -31,14 +29,9 @@ from sindyjoint.reporting.registry import (
     view_of,
     view_of_type,
 )
-from sindyjoint.reporting.style import figure_bytes
+from sindyjoint.reporting.style import Axes, figure_bytes
 from sindyjoint.reporting.view import NEXT
 from sindyjoint.soundness.check import check_data
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from sindyjoint.judgement.discovery import Discovery
 
 # No result prints more lines than a screen shows, nor a notebook more rows.
 LINES, ROWS = 40, 30
@@ -245,8 +238,8 @@ class CampaignFiles:
         """Names of what is written."""
         return ("reports",) * self.reports + ("diagnosis",) * self.diagnose
 
-    def __call__(self, result: Discovery, folder: Path) -> None:
-        """Write what was asked for about a result."""
+    def __call__(self, result: Any, folder: Path) -> None:
+        """Write what was asked for about a discovery."""
         if self.reports:
             # Over the model that the batch itself has put into the folder.
             write_results(result, folder, force=True)

@@ -23,8 +23,8 @@ from sindyjoint.errors import (
     UnknownNameError,
 )
 from sindyjoint.policy import described, policies
-from sindyjoint.reporting.figure import Figure, Kind, Panel
-from sindyjoint.reporting.style import DOUBLE_COLUMN, figure_bytes
+from sindyjoint.reporting.figure import Kind, Panel
+from sindyjoint.reporting.style import DOUBLE_COLUMN, Figure, figure_bytes
 from sindyjoint.reporting.view import View
 
 # Module and name of each view; the types of what it shows, and marks of what is saved of that. By name: a view needs

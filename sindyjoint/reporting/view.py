@@ -9,9 +9,9 @@ from typing import Any
 from sindyjoint.errors import InputError
 from sindyjoint.judgement import is_of_the_paper
 from sindyjoint.plain import fields_of, to_plain
-from sindyjoint.reporting.figure import Figure, Kind, Panel, drawn
+from sindyjoint.reporting.figure import Kind, Panel, drawn
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, render, section
-from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
+from sindyjoint.reporting.style import SINGLE_COLUMN, Figure, figure_bytes
 from sindyjoint.reporting.tables import (
     Console,
     TextTable,

@@ -149,7 +149,6 @@ def discover(
         say("simulating the virtual test")
     campaign = the_campaign(campaign, rng, LONGEST)
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
-    unused = unused and f"{unused}: not used, for no run is too long for the memory of this process"
     options.setdefault("inputs", campaign.inputs)
     if campaign.quasi_static:
         if align:
@@ -188,7 +187,6 @@ def discover(
     delay = prepared.delay if prepared.lag else left_in
     model = with_delay_uncertainty(best, delay) if prepared.lag and delay is not None else best.model
     model = with_gain_uncertainty(model, prepared.campaign.gain_uncertainty)
-    left = (*lag_notes(prepared.lags), unused)
     aligned, alike = prepared.lag != 0.0, best.regressor.indistinct_
     verdict = undecided_by_data(verdict, checked.undecided_by(aligned))
     warnings = list_warnings(prepared.campaign, best.states, model, delay, aligned, alike)
@@ -201,7 +199,12 @@ def discover(
         found=bool(model.terms),
         reason=best.regressor.selection_result_.reason,
         skew=prepared.delay,
-        warnings=(*checked.warned(aligned), *warnings, *filter(None, left)),
+        warnings=(
+            *checked.warned(aligned),
+            *warnings,
+            *lag_notes(prepared.lags),
+            *[f"{unused}: not used, for no run is too long for the memory of this process"] * bool(unused),
+        ),
         states=best.states,
         regressor=best.regressor,
         campaign=prepared.campaign,
@@ -423,20 +426,28 @@ def laws_of_rig(
         say("what the structure's numbers leave uncertain")
         laws = tuple(with_uncertain_structure(law, test, update) for law in laws)
     seen = joints_seen(test, recoveries)
-    words = [each.words for each in seen if each.words]
-    differ = [law.alike for law in laws if "differ" in law.alike]
     said = (unstated_numbers(update),) if unstated and update is not None else misfit_warnings(recoveries)
-    warnings = (*said, *unsettled_warnings(recoveries), *held_warnings(test, held), *words, *differ)
+    warnings = (
+        *said,
+        *unsettled_warnings(recoveries),
+        *held_warnings(test, held),
+        *(each.words for each in seen if each.words),
+        *(law.alike for law in laws if "differ" in law.alike),
+    )
     found = RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
     passing = all(run.frequency is None for run in runs)
     if not found.found or not (passing if refine is None else refine):
         return with_narrow_intervals(found) if passing and found.found else found
     models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
-    state = options.get("random_state")
     # Numbers that were found untold are known well, and fitting them needs segments in which the joints stand still.
     known = replace(found.test, uncertain=()) if unstated else described(found)
     refined = partial(
-        refine_rig, known, recoveries, starts=3 if refine else 1, random_state=state, progress=say
+        refine_rig,
+        known,
+        recoveries,
+        starts=3 if refine else 1,
+        random_state=options.get("random_state"),
+        progress=say,
     )
     first = refined(models)
     if passing:

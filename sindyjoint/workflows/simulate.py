@@ -1,7 +1,5 @@
 """What is simulated: runs of a joint whose law is known, and a rig in motion."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from collections.abc import Callable, Mapping

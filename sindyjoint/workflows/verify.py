@@ -210,23 +210,19 @@ def _of_campaign(
             raise InputError(f"align: {NO_DELAY}" if align else f"free_run: {NO_RESPONSE}")
         model, untimed = without_rate(model)
     seen = seen_runs(model, against)
-
-    def compared(campaign: Campaign, test: TestNuisances, with_band: Settings) -> tuple[Verification, bool]:
-        aligned = align_channels(campaign) if align else campaign
-        return verify_campaign(model, aligned, with_band, say, test, seen), aligned is not campaign
-
     usable, applied, notes = put_right(checked.usable, against, model)
-    result, aligned = compared(usable, applied, settings)
+    put = align_channels(usable) if align else usable
+    result = verify_campaign(model, put, settings, say, applied, seen)
     if usable is not checked.usable or applied:
-        bare, _ = compared(checked.usable, TestNuisances(""), replace(settings, draws=0))
+        as_read = align_channels(checked.usable) if align else checked.usable
+        bare = verify_campaign(model, as_read, replace(settings, draws=0), say, TestNuisances(""), seen)
         notes = (*notes, f"without what was put right the response error is {percent(bare.response_nrmse)}, with it "
                          f"{percent(result.response_nrmse)}")  # fmt: skip
     # What was found in this very campaign is put right: its delay is none any more.
     in_time = applied is model.test and DELAY in {each.id for each in applied.nuisances}
-    before = (*checked.warned(aligned or in_time), *notes, *filter(None, (untimed,)))
+    before = (*checked.warned(put is not usable or in_time), *notes, *filter(None, (untimed,)))
     result = _with_check(result, checked.soundness, before)
     say("whether to trust the model")
-    put = align_channels(usable) if align else usable
     measured = None if put is checked.usable else checked.usable
     lights = assess(model, put, checked.soundness, seen, applied, as_measured=measured)
     result = replace(result, trust=Trust(lights))

@@ -12,9 +12,9 @@ import numpy as np
 
 from sindyjoint.policy import SHARED as POLICY
 from sindyjoint.reporting.equation import estimate, signed_percent, with_unit
-from sindyjoint.reporting.figure import MOST_PANELS, Axes, Curve, Kind, Scale, by_name, plot, scaled
+from sindyjoint.reporting.figure import MOST_PANELS, Curve, Kind, Scale, by_name, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
-from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
+from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, Axes, plain, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
     Console,

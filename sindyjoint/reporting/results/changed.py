@@ -3,9 +3,9 @@
 import numpy as np
 
 from sindyjoint.judgement.changed import Change, Shift
-from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, fixed, math_symbol, plot
+from sindyjoint.reporting.figure import Curve, Kind, by_name, fixed, math_symbol, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
-from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
+from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, Axes, pretty_unit
 from sindyjoint.reporting.tables import DASH, TextTable, csv_text, escape, shown, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, rounded

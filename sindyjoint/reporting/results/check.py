@@ -11,10 +11,20 @@ from numpy.typing import NDArray
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
-from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name, time_label
+from sindyjoint.reporting.figure import MOST_PANELS, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.registry import view_of_type
-from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
+from sindyjoint.reporting.style import (
+    ACCENT,
+    INK,
+    MUTED,
+    PALETTE,
+    Axes,
+    plain,
+    prefixed,
+    pretty_unit,
+    shortened,
+)
 from sindyjoint.reporting.tables import (
     DASH,
     Console,

@@ -12,11 +12,11 @@ from sindyjoint.judgement.comparison import Choice, Comparison, GivenModel
 from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.reporting.equation import estimate, interval_text, signed_percent, with_unit
-from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
+from sindyjoint.reporting.figure import Kind, by_name, fixed
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.results.discovery_terms import dependence
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, shortened
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, Axes, plain, shortened
 from sindyjoint.reporting.tables import (
     DASH,
     Console,

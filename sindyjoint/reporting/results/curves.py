@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.judgement import EXPORT
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, cycled, fixed, plot, scaled
+from sindyjoint.reporting.figure import Curve, Kind, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, Section, capital, section
-from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, amount, shortened
+from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, Axes, amount, shortened
 from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, escape, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.substructure.forced import ForcedResponse, StructureCurves

@@ -12,7 +12,6 @@ from sindyjoint.diagnosis.verdict import reported_together
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.reporting.figure import (
     MOST_PANELS,
-    Axes,
     Kind,
     Panel,
     Scale,
@@ -29,7 +28,7 @@ from sindyjoint.reporting.figure import (
     time_label,
 )
 from sindyjoint.reporting.results.verification import CYCLES_SHOWN
-from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, shortened
+from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, Axes, legend_above, plain, shortened
 from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, force_state_map
 from sindyjoint.text import percent, quantities, spelled

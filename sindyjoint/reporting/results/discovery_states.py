@@ -7,7 +7,6 @@ import numpy as np
 
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import (
-    Axes,
     Curve,
     Scale,
     angle_scale,
@@ -24,15 +23,7 @@ from sindyjoint.reporting.figure import (
     time_label,
 )
 from sindyjoint.reporting.results.discovery_data import PHASE_BINS, Loop, ReportData, run_labels
-from sindyjoint.reporting.style import (
-    DIVERGING,
-    FIXED_INK,
-    INK,
-    MUTED,
-    PALETTE,
-    SEQUENTIAL,
-    shortened,
-)
+from sindyjoint.reporting.style import DIVERGING, FIXED_INK, INK, MUTED, PALETTE, SEQUENTIAL, Axes, shortened
 from sindyjoint.text import quantities
 
 NOISE_FLOOR: Any = {"color": MUTED, "lw": 1.6, "zorder": 1, "label": "noise floor"}

@@ -12,7 +12,6 @@ from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.judgement.over_inputs import CoefficientOver, OverInput
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
 from sindyjoint.reporting.figure import (
-    Axes,
     Curve,
     Kind,
     Panel,
@@ -51,6 +50,7 @@ from sindyjoint.reporting.style import (
     INK,
     PALETTE,
     RULE,
+    Axes,
     plain,
     pretty_unit,
 )

@@ -8,9 +8,9 @@ import numpy as np
 
 from sindyjoint.planning.plan import PLAN_NAME, TELL_APART, Plan, drive_signal, plan_text, run_name
 from sindyjoint.planning.search import PAPER
-from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, fixed, plot, scaled
+from sindyjoint.reporting.figure import Curve, Kind, by_name, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, pretty_unit
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, Axes, amount, pretty_unit
 from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, escape, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, percent, spelled

@@ -10,11 +10,11 @@ import numpy as np
 from sindyjoint.judgement.paper_tables import TableCheck
 from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TERMS, UNITS
-from sindyjoint.reporting.figure import Axes, Kind, by_name, cycled, each, fixed, plot
+from sindyjoint.reporting.figure import Kind, by_name, cycled, each, fixed, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.discovery import state_lines
 from sindyjoint.reporting.results.verification import amplitude, period, response_payload, thinned
-from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, pretty_unit
+from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, Axes, pretty_unit
 from sindyjoint.reporting.tables import Console, TextTable, csv_records, escape, milliseconds
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import RunVerification

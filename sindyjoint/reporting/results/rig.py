@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, cycled, fixed, plot, scaled
+from sindyjoint.reporting.figure import Kind, bars, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.verification import KEPT_SAMPLES
-from sindyjoint.reporting.style import MUTED, PALETTE, amount, plain, shortened
+from sindyjoint.reporting.style import MUTED, PALETTE, Axes, amount, plain, shortened
 from sindyjoint.reporting.tables import TextTable, csv_columns, escape, tabulate
 from sindyjoint.reporting.view import View, listed
 from sindyjoint.trust import Light, Trust, doubt

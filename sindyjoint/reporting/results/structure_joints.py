@@ -10,10 +10,10 @@ from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind
 from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.equation import model_table
-from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, each, fixed, plot, written_cells
+from sindyjoint.reporting.figure import Curve, Kind, by_name, each, fixed, plot, written_cells
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
-from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
+from sindyjoint.reporting.style import ACCENT, INK, PALETTE, Axes, amount
 from sindyjoint.reporting.tables import Console, TextTable, escape, tabulate
 from sindyjoint.reporting.view import FINDING, View
 

@@ -10,7 +10,6 @@ import numpy as np
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import (
-    Axes,
     Curve,
     Kind,
     Panel,
@@ -24,7 +23,7 @@ from sindyjoint.reporting.figure import (
 )
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, Axes, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
     Console,
