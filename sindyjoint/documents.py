@@ -143,34 +143,24 @@ def _on_a_line(error: Exception) -> str:
     return " ".join(str(error).split())[:200]
 
 
-def _check_tree(content: Any, called: str) -> None:
-    """Refuse what no document of this program holds, without recursion."""
-    level: list[Any] = [content]
-    for _ in range(DEEPEST):
-        inner: list[Any] = []
-        for item in level:
-            if isinstance(item, dict):
-                for key in item:
-                    _check_text(key, called)
-                inner += item.values()
-            elif isinstance(item, list):
-                inner += item
-            elif isinstance(item, str):
-                _check_text(item, called)
-            elif isinstance(item, int) and abs(item) >= 1 << 63:
-                raise InputError(f"{called}: holds an integer of {len(f'{item:x}')} hexadecimal digits; expected one "
-                                 "that a computer counts with")  # fmt: skip
-        if not inner:
-            return
-        level = inner
-    raise InputError(f"{called}: is nested deeper than {DEEPEST} levels")
-
-
-def _check_text(text: str, called: str) -> None:
-    found = control_character(text)
-    if found is not None:
+def _check_tree(content: Any, called: str, deeper: int = DEEPEST - 1) -> None:
+    """Refuse what no document of this program holds; so many levels may be ``deeper``."""
+    if isinstance(content, str):
+        found = control_character(content)
+        if found is not None:
+            raise InputError(
+                f"{called}: the text {content!r:.60} holds the control character U+{ord(found):04X}; take it out"
+            )
+    elif isinstance(content, dict | list):
+        if content and not deeper:
+            raise InputError(f"{called}: is nested deeper than {DEEPEST} levels")
+        for item in (*content, *content.values()) if isinstance(content, dict) else content:
+            if not isinstance(item, float):  # of which the data of a page are full
+                _check_tree(item, called, deeper - 1)
+    elif isinstance(content, int) and abs(content) >= 1 << 63:
         raise InputError(
-            f"{called}: the text {text!r:.60} holds the control character U+{ord(found):04X}; take it out"
+            f"{called}: holds an integer of {len(f'{content:x}')} hexadecimal digits; expected one that a computer "
+            "counts with"
         )
 
 
@@ -184,14 +174,11 @@ class Listed:
         Hash of each file, and of which kind of result it is; empty for a file of no kind.
     finished : bool
         Whether their writing was.
-    there : bool
-        Whether there is a list at all.
     """
 
     sums: dict[str, str] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     finished: bool = True
-    there: bool = False
 
 
 def read_list(folder: Path, damaged: bool = False) -> Listed:
@@ -206,7 +193,7 @@ def read_list(folder: Path, damaged: bool = False) -> Listed:
     if not path.is_file():
         return Listed()
     lines = read_regular(path, 1 << 24).decode("utf-8", errors="replace").split("\n")
-    found = Listed(finished=lines[0] != UNFINISHED, there=True)
+    found = Listed(finished=lines[0] != UNFINISHED)
     for line in lines:
         match = _LINE.fullmatch(line)
         if match:
@@ -323,7 +310,7 @@ def changed_files(folder: Path) -> list[str]:
         For a list that cannot be read.
     """
     known = read_list(folder)
-    if not known.there:
+    if not (folder / SUMS).is_file():
         return [f"{SUMS} is missing"]
     return list_changes(folder, known.sums) if known.finished else ["its writing was interrupted"]
 

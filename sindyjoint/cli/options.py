@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sindyjoint.cli.answer import Interrupted, Output, Progress
-from sindyjoint.errors import InputError
+from sindyjoint.errors import refuse
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
@@ -234,10 +234,6 @@ def split_pairs(
     InputError
         For text that gives none.
     """
-    values = {}
-    for text in given or ():
-        name, _, value = text.partition("=")
-        if not value.strip():
-            raise InputError(f"{option} {text!r}: expected {expected}")
-        values[name.strip()] = value.strip()
-    return values
+    pairs = [(text, *text.partition("=")[::2]) for text in given or ()]
+    refuse((not value.strip(), f"{option} {text!r}: expected {expected}") for text, _, value in pairs)
+    return {name.strip(): value.strip() for _, name, value in pairs}

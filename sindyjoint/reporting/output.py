@@ -1,5 +1,7 @@
 """What every result offers: as text, in a notebook, as a picture, a frame, and whole in a folder or not at all."""
 
+from __future__ import annotations
+
 import io
 import os
 import re

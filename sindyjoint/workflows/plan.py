@@ -351,12 +351,18 @@ def _make_prior(
 def _discovered(campaign: Campaign, forced: Sequence[str], seed: int, say: Say) -> tuple[Discovery, float]:
     """Return what was discovered, the terms that the joint was said to have among it, and the time of the runs."""
     found = discover(campaign, forced=forced, rng=seed, progress=say)
-    if not found.found:
-        raise InputError(f"no model was discovered from the campaign: {found.reason}; plan without it")
     used = ", ".join(each.name for each in found.model.used_inputs)
-    if used:
-        raise InputError(
-            f"the law of the campaign depends on {used}, which a plan does not choose; discover it with --out, and "
-            f"plan with --model of that folder: at the reference of {used}"
-        )
+    refuse(
+        [
+            (
+                not found.found,
+                f"no model was discovered from the campaign: {found.reason}; plan without it",
+            ),
+            (
+                used,
+                f"the law of the campaign depends on {used}, which a plan does not choose; discover it with --out, and "
+                f"plan with --model of that folder: at the reference of {used}",
+            ),
+        ]
+    )
     return found, sum(run.duration for run in (found.measured or found.campaign).identification_runs)

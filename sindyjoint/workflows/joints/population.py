@@ -20,7 +20,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import Maybe, same
-from sindyjoint.errors import InputError
+from sindyjoint.errors import refuse
 from sindyjoint.numeric import MEDIAN_SQUARE, Array
 from sindyjoint.policy import SHARED as POLICY
 
@@ -176,14 +176,15 @@ def population(
     InputError
         For shapes that differ, or standard errors that are negative.
     """
-    data = {}
-    for name in values:
-        y, s = np.array(values[name], dtype=float), np.array(errors[name], dtype=float)
-        if y.shape != s.shape or y.ndim != 1 or np.any(s < 0):
-            raise InputError(
-                f"{name}: values of shape {y.shape} given; expected as many errors, none negative"
-            )
-        data[name] = np.where(np.isfinite(s), y, np.nan), s
+    given = {name: (np.array(values[name], float), np.array(errors[name], float)) for name in values}
+    refuse(
+        (
+            y.shape != s.shape or y.ndim != 1 or np.any(s < 0),
+            f"{name}: values of shape {y.shape} given; expected as many errors, none negative",
+        )
+        for name, (y, s) in given.items()
+    )
+    data = {name: (np.where(np.isfinite(s), y, np.nan), s) for name, (y, s) in given.items()}
     known = {name: np.asarray(x, dtype=float) for name, x in (covariates or {}).items()}
     trends = _fit_trends(data, known)
     scatters: list[CoefficientScatter] = []
