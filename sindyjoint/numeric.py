@@ -11,6 +11,9 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Integers = NDArray[np.intp]
+Booleans = NDArray[np.bool_]
 Made = TypeVar("Made")
 #: Where random numbers come from, as SPEC 7 of scientific Python has it: what ``numpy.random.default_rng`` takes.
 RNG = int | Sequence[int] | np.random.SeedSequence | np.random.BitGenerator | np.random.Generator | None
@@ -242,7 +245,7 @@ def convolve(signal: Array, kernel: Array, mode: Literal["full", "valid"] = "val
     return np.asarray(product if mode == "full" else product[least - 1 : most])
 
 
-def analytic(signal: Array) -> NDArray[np.complex128]:
+def analytic(signal: Array) -> Complex:
     """Return a signal with its Hilbert transform as imaginary part."""
     spectrum = np.fft.fft(signal)
     spectrum[1 : (signal.size + 1) // 2] *= 2

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import signals_of
 from sindyjoint.limits import MEASUREMENT
 from sindyjoint.measurement.sensors import fuse
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Booleans, Integers
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, MINIMUM_SAMPLES, Run, checked_signal
 from sindyjoint.rig import SensorNoise
 
@@ -145,7 +145,7 @@ class Path:
     step: float
     angle: Array
     moment: Array
-    valid: NDArray[np.bool_]
+    valid: Booleans
     averaged: float
     inputs: Mapping[str, Array] = field(default_factory=dict)
 
@@ -176,7 +176,7 @@ def white_noise(values: Array, place: Array | None = None, branch: Array | None 
     return float(1.4826 * np.median(np.abs(third)))
 
 
-def reversals(angle: Array, threshold: float) -> NDArray[np.intp]:
+def reversals(angle: Array, threshold: float) -> Integers:
     """Return the samples at which a motion turns by more than a threshold, first and last sample among them.
 
     Parameters
@@ -306,7 +306,7 @@ def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLi
     )
 
 
-def _curvatures(place: Array, values: Array, branch: NDArray[np.intp]) -> Array:
+def _curvatures(place: Array, values: Array, branch: Integers) -> Array:
     """Return the curvature at each place of the parabola through the values about it on the same branch."""
     near = np.clip(np.arange(place.size)[:, None] + np.arange(-3, 4), 0, place.size - 1)
     away = place[near] - place[:, None]
@@ -317,7 +317,7 @@ def _curvatures(place: Array, values: Array, branch: NDArray[np.intp]) -> Array:
     )
 
 
-def _branches(corners: Array, angles: Array, step: float) -> tuple[Array, Array, NDArray[np.intp]]:
+def _branches(corners: Array, angles: Array, step: float) -> tuple[Array, Array, Integers]:
     """Return path and angle at the steps of all branches, and the number of the branch of each."""
     counts = np.maximum(np.rint(np.diff(corners) / step).astype(np.intp), 1) + 1
 

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sindyjoint.numeric import Array, noise_by_differences, scaled_least_squares
+from sindyjoint.numeric import Array, line_spectrum, noise_by_differences, scaled_least_squares
 from sindyjoint.rig import Fusion, SensorNoise
 
 # Noise below this share of a channel's RMS counts as so much: beyond, rounding decides.
@@ -286,8 +286,7 @@ def sensor_noise(angle: Array, path: Array, sample_rate: float) -> tuple[float, 
         rad/s², rad, and rad per square root of a sample.
     """
     apart = np.diff(angle - path, 2) * sample_rate**2
-    window = np.hanning(apart.size)
-    power = np.abs(np.fft.rfft((apart - apart.mean()) * window)) ** 2 / np.sum(window**2)
+    power = line_spectrum(apart) ** 2 / np.sum(np.hanning(apart.size) ** 2)
     frequency = np.fft.rfftfreq(apart.size)
     # Frequencies, logarithmically spaced, at which the disagreement of two sensors is read.
     edges = np.unique(np.geomspace(3, power.size, 41).astype(int))
@@ -313,7 +312,7 @@ def rough_noise(signal: Array) -> float:
 
     The median of third differences ignores steps, that of the top third of the band lines.
     """
-    power = np.abs(np.fft.rfft((signal - np.mean(signal)) * np.hanning(signal.size))) ** 2
+    power = line_spectrum(signal) ** 2
     top = power[2 * power.size // 3 :] / np.sum(np.hanning(signal.size) ** 2)
     return float(min(noise_by_differences(signal, 3), np.sqrt(np.median(top) / np.log(2))))
 
@@ -325,8 +324,7 @@ def moving_size(
 
     Σ |A(f)|²/ω⁴ over such lines, from half the frequency of the excitation on where that is known.
     """
-    window = np.hanning(acceleration.size)
-    power = np.abs(np.fft.rfft((acceleration - np.mean(acceleration)) * window)) ** 2 / np.sum(window**2)
+    power = line_spectrum(acceleration) ** 2 / np.sum(np.hanning(acceleration.size) ** 2)
     angular = 2 * np.pi * np.fft.rfftfreq(acceleration.size, 1 / sample_rate)
     lowest = max(3.0, 0.0 if frequency is None else 0.5 * frequency * acceleration.size / sample_rate)
     keep = (power > LINE * noise**2) & (np.arange(power.size) >= lowest)

@@ -90,6 +90,11 @@ class Law(ABC):
         """Transfer moment, N·m (N)."""
         return self._evaluate(angle, rate, direction, state)[0]
 
+    def friction_interval(self, angle: ArrayLike, rate: ArrayLike, state: Any = None) -> tuple[Array, Array]:
+        """Middle and half width of the moments between the two directions of slip, N·m (N)."""
+        up, down = (self.moment(angle, rate, side, state) for side in (1.0, -1.0))
+        return (up + down) / 2, (up - down) / 2
+
     def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
         """Rates of the internal states, shape (n_states, n)."""
         return self._evaluate(angle, rate, direction, state)[1:]

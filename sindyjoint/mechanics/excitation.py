@@ -49,18 +49,6 @@ class Excitation:
     scale: float = 1.0
     ramp: float = 0.0
 
-    def __post_init__(self) -> None:
-        # One memory layout and one set of types, so that the integrators are compiled once.
-        object.__setattr__(self, "pieces", np.ascontiguousarray(self.pieces, dtype=np.float64))
-        for name, kind in (
-            ("step", float),
-            ("periodic", bool),
-            ("smooth", bool),
-            ("scale", float),
-            ("ramp", float),
-        ):
-            object.__setattr__(self, name, kind(getattr(self, name)))
-
     def __call__(self, time: ArrayLike) -> Array:
         """Return the value at the times, s."""
         return self.derivative(time, 0)
@@ -69,7 +57,8 @@ class Excitation:
     def integrated(self) -> tuple[Array, Array, float]:
         """The pieces at their scale, the integral up to the beginning of each, and their length."""
         c = self.pieces * self.scale
-        return c, np.concatenate([[0.0], np.cumsum(c @ [1, 1 / 2, 1 / 3, 1 / 4])]) * self.step, self.step
+        whole = np.concatenate([[0.0], np.cumsum(c @ [1, 1 / 2, 1 / 3, 1 / 4])]) * self.step
+        return c, whole, float(self.step)
 
     def derivative(self, time: ArrayLike, order: int = 1) -> Array:
         """Return the value (order 0), first or second derivative at the times, ramp included."""

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, refuse
@@ -17,7 +16,7 @@ from sindyjoint.inputs import Source
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_file import RigFile, rig_path
 from sindyjoint.mechanics.structure import Item, Structure, assemble
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Booleans
 from sindyjoint.record import MINIMUM_SAMPLES, Motion
 
 Quantity = Literal["acceleration", "velocity", "displacement"]
@@ -99,7 +98,7 @@ class RigRun:
     level: str | None = None
     use: RigUse = "identify"
     source: Source | None = None
-    lost: NDArray[np.bool_] | None = None
+    lost: Booleans | None = None
     # What was made of the run, by what it was made with: the check of the data and a discovery share it.
     _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
 
@@ -267,6 +266,13 @@ def load_row(structure: Structure, at: str) -> Array:
     if structure.base is None:
         raise InputError("the base is shaken, and the structure does not say what its base carries")
     return -structure.mass @ structure.base
+
+
+def with_drive(structure: Structure, at: str) -> Structure:
+    """Return a structure that has a shaken base as a point."""
+    if at != BASE:
+        return structure
+    return replace(structure, points={**structure.points, BASE: load_row(structure, BASE)})
 
 
 def uncertain_numbers(

@@ -35,10 +35,9 @@ from sindyjoint.mechanics.rigs import (
     UNKNOWN,
     build_chain,
     build_excitation,
-    naming_file,
     read_measured,
-    read_rig_file,
     read_run,
+    rig_file,
     solvable_structure,
 )
 from sindyjoint.mechanics.structure import Hinge, Structure, assemble
@@ -68,8 +67,7 @@ def load_rig_test(rig: str | Path) -> RigTest:
     InputError, UnitError, UnknownNameError, MissingInputError
         In one line that names file and field.
     """
-    path, given = read_rig_file(rig)
-    with naming_file(path):
+    with rig_file(rig) as (path, given):
         files = [table for table in given.run if table.file is not None]
         if not files and given.pulse is not None and given.measured:
             return _pulse_test(given, path)
@@ -92,15 +90,14 @@ def load_rig_structure(rig: str | Path) -> RigTest:
     InputError, UnitError, UnknownNameError, MissingInputError
         In one line that names file and field.
     """
-    path, given = read_rig_file(rig)
-    with naming_file(path):
+    with rig_file(rig) as (path, given):
         return _build_test(given, path, LAWS)
 
 
 def has_pulse(rig: str | Path) -> bool:
     """Return whether a rig is a chain that a pulse excites."""
-    _, given = read_rig_file(rig)
-    return given.pulse is not None and bool(given.chain)
+    with rig_file(rig) as (_, given):
+        return given.pulse is not None and bool(given.chain)
 
 
 def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
@@ -113,9 +110,7 @@ def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig
     >>> [drive.frequency for drive in plan.drives][:2]
     [3.0, 3.0]
     """
-    path, given = read_rig_file(rig)
-
-    with naming_file(path):
+    with rig_file(rig) as (path, given):
         test = _build_test(given, path, {**JOINTS, **(laws or {})})
         drives = tuple(
             _drive_of(table, number, given.drive) for number, table in enumerate(given.run, 1) if table.shape

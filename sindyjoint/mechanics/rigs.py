@@ -52,7 +52,7 @@ SMALLEST, LARGEST = 1e-12, 1e15
 
 @dataclass(frozen=True, eq=False)
 class MeasuredResponse:
-    """Displacement measured at a point of a rig after its pulse.
+    """Displacement at a point of a rig after its pulse, measured or of a virtual test.
 
     Parameters
     ----------
@@ -61,11 +61,22 @@ class MeasuredResponse:
         m; the first sample is the instant at which the pulse begins.
     sample_rate : float
         Hz.
+    simulated : bool
+        Whether it comes from a virtual test.
+    truth : str
+        What a virtual test holds beyond the rig as written; empty for nothing.
     """
 
     point: str
     displacement: Array
     sample_rate: float
+    simulated: bool = False
+    truth: str = ""
+
+    @property
+    def time(self) -> Array:
+        """Sample instants, s."""
+        return np.arange(self.displacement.size) / self.sample_rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,27 +144,21 @@ class Rig:
         return respond(self.structure(), self.excitation, self.at, **(chosen | options))
 
 
-def read_rig_file(rig: str | Path) -> tuple[Path, RigFile]:
-    """Return the file of a rig and its tables."""
+@contextmanager
+def rig_file(rig: str | Path) -> Iterator[tuple[Path, RigFile]]:
+    """Open the file of a rig: its path and its tables; errors name it, or one in its folder."""
     path = rig_path(rig)
     if not path.is_file():
         raise MissingInputError(
             f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
         )
     try:
-        return path, RigFile.model_validate(read_toml(path))
+        yield path, RigFile.model_validate(read_toml(path))
     except ValidationError as error:
         raise InputError(f"{path}: {first_complaint(error)}") from error
-
-
-@contextmanager
-def naming_file(path: Path) -> Iterator[None]:
-    """Let errors name the file of a rig, or one in its folder."""
-    try:
-        yield
     except SindyJointError as error:
-        text = str(error)
-        raise type(error)(text if text.startswith(str(path.parent)) else f"{path}: {text}") from error
+        named = str(error).startswith(str(path.parent))
+        raise type(error)(f"{error}" if named else f"{path}: {error}") from error
 
 
 def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
@@ -178,8 +183,7 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
     >>> 3 < rig.structure().frequencies(1)[0] < 6
     np.True_
     """
-    path, given = read_rig_file(rig)
-    with naming_file(path):
+    with rig_file(rig) as (path, given):
         return _build_rig(given, path, {**JOINTS, **(laws or {})})
 
 

@@ -17,7 +17,7 @@ from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import Excitation
-from sindyjoint.numeric import DIFFERENCE, Array, kept
+from sindyjoint.numeric import DIFFERENCE, Array, Booleans, kept
 
 # Runge-Kutta of order 4 is stable up to 2.8 of a step times the rate at which a state settles.
 STIFF, MOST_SUBSTEPS = 2.0, 512
@@ -49,7 +49,7 @@ class Motion:
     rate: Array
     acceleration: Array
     moment: Array
-    stuck: NDArray[np.bool_]
+    stuck: Booleans
     state: Array
     steps: int = 0
 
@@ -205,8 +205,10 @@ def simulate_many(
         sizes = np.full(y.shape[1], 1e-300)
         sizes[1] += 1e-6 * np.abs(e.pieces[:, 0]).max() * abs(e.scale) / total[r] * e.step
         sizes[0] += sizes[1] * e.step
+        # One set of types, so that the integrator is compiled once.
+        tone = float(e.step), e.periodic, e.smooth, float(e.scale), float(e.ramp)
         return kernel.integrate(
-            address, sets[r], total[r], e.pieces, (e.step, e.periodic, e.smooth, e.scale, e.ramp), y[r], sizes,
+            address, sets[r], total[r], e.pieces, tone, y[r], sizes,
             np.zeros(11 * compiled.n_states + 6), *steps, (bounds[r, 0], bounds[r, 1]),
             (angle[r], rate[r], acceleration[r], states[r], stuck[r]),
         )  # fmt: skip

@@ -132,8 +132,8 @@ class Structure:
 def tangent_of(law: Law) -> float:
     """Return the stiffness of a joint at standstill in the middle, N·m/rad."""
     # Central difference over an angle far below anything a joint is tested at.
-    step, still = 1e-7, np.zeros(2)
-    low, high = law.moment(np.array([-step, step]), still, still, np.zeros((law.n_states, 2)))
+    step = 1e-7
+    low, high = law.moment([-step, step], 0.0, 0.0)
     return float(high - low) / (2 * step)
 
 

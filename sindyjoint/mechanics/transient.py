@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import sindyjoint.mechanics.crossing as crossing
 from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import SimulationError, refuse
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.structure import Structure, craig_bampton
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Booleans
 
 # Steps per period of the first mode below which the motion is not resolved: its period is then 0.8 % wrong.
 _STEPS_PER_PERIOD = 20
@@ -59,7 +58,7 @@ class Response:
     angle: Array
     rate: Array
     moment: Array
-    stuck: NDArray[np.bool_]
+    stuck: Booleans
     energy: Array
     joint_dissipation: Array
     beam_dissipation: float
@@ -258,6 +257,4 @@ def _integrate_elastic_energy(law: Any, angle: Array) -> Array:
     """
     nodes, weights = np.polynomial.legendre.leggauss(4)
     points = np.outer((nodes + 1) / 2, angle)
-    zero = np.zeros(points.size)
-    state = np.zeros((law.n_states, points.size))
-    return angle * (weights / 2 @ law.moment(points.ravel(), zero, zero, state).reshape(points.shape))
+    return angle * (weights / 2 @ law.moment(points, 0.0, 0.0))

@@ -12,7 +12,7 @@ from sindyjoint.errors import InputError, checks_options, refuse
 from sindyjoint.mechanics import FunctionLaw, Law, PaperLaw
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, RigUse, Sensor, load_row
+from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, RigUse, Sensor, with_drive
 from sindyjoint.mechanics.rigs import UNKNOWN, MeasuredResponse, Rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Hinge, Structure
@@ -154,13 +154,11 @@ def simulate_run(
         values = drive.values(time, generator) * (edge**2 * (3 - 2 * edge))
     else:
         values = np.concatenate([drive.values(time, generator), np.zeros(ahead.size)])
-    moved = structure
-    if at == BASE:
-        moved = replace(structure, points={**structure.points, BASE: load_row(structure, at)})
     points = tuple(dict.fromkeys(sensor.point for sensor in sensors))
     response = respond(
-        moved, sampled(values, fine), at, duration=settling + recorder.duration + ahead[-1], sample_rate=fine,
-        step=recorder.step, points=points, limits="softening",
+        with_drive(structure, at), sampled(values, fine), at,
+        duration=settling + recorder.duration + ahead[-1], sample_rate=fine, step=recorder.step, points=points,
+        limits="softening",
     )  # fmt: skip
     rate = recorder.sample_rate
     whole = [
@@ -267,29 +265,6 @@ def virtual_rig_test(
     return replace(test, runs=tuple(runs), simulated=True)
 
 
-@dataclass(frozen=True, eq=False)
-class PulseTest(MeasuredResponse):
-    """A response of a rig to its pulse, measured or virtual.
-
-    Parameters
-    ----------
-    point, displacement, sample_rate
-        As in :class:`~sindyjoint.mechanics.rigs.MeasuredResponse`.
-    simulated : bool
-        Whether it comes from a virtual test.
-    truth : str
-        What a virtual test holds beyond the rig as written; empty for nothing.
-    """
-
-    simulated: bool = False
-    truth: str = ""
-
-    @property
-    def time(self) -> Array:
-        """Sample instants, s."""
-        return np.arange(self.displacement.size) / self.sample_rate
-
-
 def hinges(rig: Rig) -> tuple[Hinge, ...]:
     """Return the joints of a rig, from the base on.
 
@@ -379,7 +354,7 @@ def virtual_pulse_test(
     presliding: float | None = None,
     loss_factor: float | None = None,
     rng: RNG = 0,
-) -> PulseTest:
+) -> MeasuredResponse:
     """Simulate the pulse test of a rig as a sensor sees it.
 
     Parameters
@@ -397,7 +372,7 @@ def virtual_pulse_test(
 
     Returns
     -------
-    PulseTest
+    MeasuredResponse
         At the rig's first output point.
     """
     truth = []
@@ -409,7 +384,7 @@ def virtual_pulse_test(
         rig = with_loss_factor(rig, loss_factor)
         truth.append(f"beam loss factor {loss_factor:g}")
     record = virtual_records(rig, noise, np.random.default_rng(rng))[0]
-    return PulseTest(record.point, record.displacement, rig.sample_rate, True, " and ".join(truth))
+    return replace(record, simulated=True, truth=" and ".join(truth))
 
 
 def virtual_records(rig: Rig, noise: float, generator: np.random.Generator) -> tuple[MeasuredResponse, ...]:

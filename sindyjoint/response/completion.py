@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SimulationError
@@ -21,7 +20,7 @@ from sindyjoint.measurement import signal_end
 from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import repeated
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.numeric import Array, kept, rms
+from sindyjoint.numeric import Array, Complex, kept, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import steady_start
 from sindyjoint.response.laws import held_laws
@@ -31,11 +30,11 @@ from sindyjoint.states import (
     ForceStates,
     HarmonicBasis,
     Harmonics,
+    fitted_motion,
     significant_harmonics,
     smoothing_kernels,
 )
 
-Complex = NDArray[np.complex128]
 # Points of a simulated period, and of the moment that drives it.
 POINTS, DRIVE_POINTS = 2048, 512
 
@@ -105,18 +104,17 @@ def _follows(angle: Array, state: ForceStates) -> bool:
 
 def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | None:
     """Return the states of a periodic run, completed; None where its drive is not known or not followed."""
-    assert state.frequency is not None
     excitation = _drive(state, between)
     if excitation is None:
         return None
     start, reach = np.array([state.angle[0], state.rate[0]]), angle_limits(law, state, "windows")
     options = {"rtol": RTOL, "beam_inertia": between, "limits": reach}
-    start, inner = steady_start(law, repeated(excitation, 1 / state.frequency), start, **options)
+    driven = repeated(excitation, 1 / state.fundamental)
+    start, inner = steady_start(law, driven, start, **options)
     motion = simulate(
-        law, repeated(excitation, 1 / state.frequency), 1 / state.frequency, POINTS * state.frequency, initial=start,
-        initial_state=inner, **options,
+        law, driven, 1 / state.fundamental, POINTS * state.fundamental, initial=start, initial_state=inner, **options,
     )  # fmt: skip
-    place = state.frequency * (state.time - state.time[0]) * POINTS
+    place = state.fundamental * (state.time - state.time[0]) * POINTS
     whole = [
         np.interp(place, np.arange(POINTS), signal, period=POINTS)
         for signal in (motion.angle, motion.rate, motion.acceleration)
@@ -124,20 +122,20 @@ def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | No
     if not _follows(whole[0], state):
         return None
     bases, series = _strong(state)
-    cut = np.array(whole) - _seen(bases, whole[0], whole[1])
+    cut = np.array(whole) - fitted_motion(bases, whole)
     replicate = state.replicate
     if replicate is not None:
         edges = np.flatnonzero(np.diff(state.block, prepend=-1, append=-1))
         blocks = [slice(*ends) for ends in zip(edges[:-1], edges[1:], strict=True)]
-        parts = [_seen(bases, replicate[0], replicate[1], rows) for rows in blocks]
-        first, second, third = np.concatenate(parts, axis=1) + cut
+        parts = [fitted_motion(bases, replicate, rows) for rows in blocks]
+        first, second, third = np.hstack(parts) + cut
         replicate = (first, second, third)
-    angle, rate, acceleration = _seen(bases, state.angle, state.rate) + cut
+    angle, rate, acceleration = fitted_motion(bases, (state.angle, state.rate)) + cut
     order = 1 if len(series) == 1 else 0
     noise = replace(
         state.noise,
-        rate=series[-1].derivative_noise(state.frequency, order),
-        acceleration=series[-1].derivative_noise(state.frequency, order + 1),
+        rate=series[-1].derivative_noise(state.fundamental, order),
+        acceleration=series[-1].derivative_noise(state.fundamental, order + 1),
     )
     return replace(
         state, angle=angle, rate=rate, acceleration=acceleration, replicate=replicate, noise=noise, series=series,
@@ -147,27 +145,15 @@ def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | No
 
 def _strong(state: ForceStates) -> tuple[list[HarmonicBasis], tuple[Harmonics, ...]]:
     """Return the harmonics of angle, and of a measured rate, that are known to a tenth, and the first."""
-    assert state.frequency is not None
     bases, series = [], []
     for found, signal in zip(state.series, (state.angle, state.rate), strict=False):
-        basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, found.orders)
+        basis = HarmonicBasis.build(state.time - state.time[0], state.fundamental, found.orders)
         _, a, b = basis.fit(signal)
         strong = np.hypot(a, b) > RESPONSE.many_times * found.standard_error
         strong[0] = True
         bases.append(basis.take(strong))
         series.append(Harmonics(found.orders[strong], found.standard_error[strong]))
     return bases, tuple(series)
-
-
-def _seen(bases: Sequence[HarmonicBasis], angle: Array, rate: Array, rows: slice = slice(None)) -> Array:
-    """Return angle, rate and acceleration of the harmonics of an angle, or of an angle and a rate, shape (3, n)."""
-    of_angle, of_last = bases[0].rows(rows), bases[-1].rows(rows)
-    mean, a, b = of_angle.fit(angle[rows])
-    series = of_angle.series(mean, a, b)
-    if len(bases) == 1:
-        return np.array([series, of_angle.derivative(a, b), of_angle.second_derivative(a, b)])
-    mean, a, b = of_last.fit(rate[rows])
-    return np.array([series, of_last.series(mean, a, b), of_last.derivative(a, b)])
 
 
 # The search completes the same states by one model after the other.
@@ -177,10 +163,9 @@ def _spectrum(state: ForceStates) -> tuple[Array, Complex, Complex, Array, float
 
     The angle's are zero where they were not kept.
     """
-    assert state.frequency is not None
-    top = int(BAND_SHARE * state.sample_rate / state.frequency)
+    top = int(BAND_SHARE * state.sample_rate / state.fundamental)
     orders = np.arange(1, min(top, (state.n_samples - 8) // 4, DRIVE_POINTS // 4) + 1)
-    basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, orders)
+    basis = HarmonicBasis.build(state.time - state.time[0], state.fundamental, orders)
     mean, a, b = basis.fit_all(np.array([state.moment, state.angle]))
     found = state.series[0]
     moment, angle = a - 1j * b
@@ -241,9 +226,8 @@ def _drive(state: ForceStates, between: float) -> Array | None:
     It must have fewer harmonics than the angle: where the motion was prescribed it has more, and the friction's steps
     cannot be distinguished from it. Where sampling cuts the angle, and not the noise, their number means nothing.
     """
-    assert state.frequency is not None
     orders, moment, angle, angle_error, mean = _spectrum(state)
-    inertia = between * (2 * np.pi * state.frequency * orders) ** 2
+    inertia = between * (2 * np.pi * state.fundamental * orders) ** 2
     error = np.hypot(state.noise.moment * np.sqrt(2 / state.n_samples), inertia * angle_error)
     highest = int(state.series[0].orders[-1])
     known = (angle != 0) | (between == 0)

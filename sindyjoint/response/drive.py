@@ -17,7 +17,7 @@ from sindyjoint.mechanics.stickslip import Motion, simulate
 from sindyjoint.numeric import DIFFERENCE, Array, kept, rms, without_line
 from sindyjoint.record import Run
 from sindyjoint.response.laws import LawInRun, elastic_moment
-from sindyjoint.states import ForceStates
+from sindyjoint.states import ForceStates, HarmonicBasis
 
 Drive = Literal["moment", "windows", "motion", "free run"]
 
@@ -60,9 +60,8 @@ def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0
         return False
     if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
         return False
-    phase = 2 * np.pi * states.frequency * states.time
-    basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
-    residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
+    basis = HarmonicBasis.build(states.time, states.frequency, np.arange(1, 2))
+    residual = states.moment - basis.series(*basis.fit(states.moment))
     floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
     return bool(np.std(residual) > RESPONSE.clearly * floor)
 
@@ -91,15 +90,10 @@ def unanswered(states: ForceStates, inertia: float) -> float:
 
 def _sinusoidal(states: ForceStates) -> bool:
     """Return whether the angle of periodic states has no harmonic but the first that its noise could not make."""
-    assert states.frequency is not None
-    count = max(1, round(states.bandwidth / states.frequency))
-    phase = 2 * np.pi * states.frequency * np.outer(states.time, np.arange(1, count + 1))
-    basis = np.hstack([np.ones((states.n_samples, 1)), np.cos(phase), np.sin(phase)])
-    parts = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
-    amplitudes = np.hypot(parts[:count], parts[count:])[1:]
-    return bool(
-        np.all(amplitudes <= RESPONSE.stands_out * states.noise.angle * np.sqrt(2 / states.n_samples))
-    )
+    count = max(1, round(states.bandwidth / states.fundamental))
+    _, a, b = HarmonicBasis.build(states.time, states.fundamental, np.arange(1, count + 1)).fit(states.angle)
+    chance = RESPONSE.stands_out * states.noise.angle * np.sqrt(2 / states.n_samples)
+    return bool(np.all(np.hypot(a, b)[1:] <= chance))
 
 
 # Periods after which a run that repeats is taken for steady.

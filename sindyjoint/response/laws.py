@@ -176,10 +176,7 @@ def _build_formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> Formula
 
 def elastic_moment(law: Law, angle: ArrayLike) -> Array:
     """Return the moment at standstill, in the middle of the friction interval, N·m (N), internal states at zero."""
-    theta = np.atleast_1d(np.asarray(angle, dtype=np.float64))
-    still, one = np.zeros_like(theta), np.ones_like(theta)
-    state = np.zeros((law.n_states, theta.size))
-    return 0.5 * (law.moment(theta, still, one, state) + law.moment(theta, still, -one, state))
+    return law.friction_interval(np.atleast_1d(angle), 0.0)[0]
 
 
 def _find_softening_limit(law: Law, tested: float) -> tuple[float, float]:

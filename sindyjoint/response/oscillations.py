@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.described import same
 from sindyjoint.limits import RESPONSE
-from sindyjoint.numeric import Array, analytic, convolve, main_frequency, noise_by_differences
+from sindyjoint.numeric import Array, Integers, analytic, convolve, main_frequency, noise_by_differences
 
 # Span of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
 CUBIC_SPAN = 0.35
@@ -109,7 +109,7 @@ def _local_cubic(signal: Array, width: int) -> Array:
     return np.concatenate([head[:half], middle, tail[half + 1 :]])
 
 
-def _prominent(signal: Array, least: float) -> NDArray[np.intp]:
+def _prominent(signal: Array, least: float) -> Integers:
     """Return the maxima that stand ``least`` above the higher one of the valleys beside them.
 
     A valley ends where the signal is higher than the maximum. That of a plateau is its middle.
@@ -139,9 +139,7 @@ def _valley_before(heights: Array, valleys: Array) -> Array:
     return bases
 
 
-def _keep_alternating(
-    indices: NDArray[np.intp], signs: Array, smooth: Array
-) -> tuple[NDArray[np.intp], Array]:
+def _keep_alternating(indices: Integers, signs: Array, smooth: Array) -> tuple[Integers, Array]:
     """Return turning points of alternating sign: of several maxima (minima) in a row the highest (lowest)."""
     groups = np.split(np.arange(indices.size), np.flatnonzero(np.diff(signs)) + 1)
     kept = [g[np.argmax(signs[g] * smooth[indices[g]])] for g in groups if g.size]

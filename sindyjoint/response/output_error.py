@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
@@ -13,7 +12,7 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics import LawWithNumbers
 from sindyjoint.mechanics.stickslip import Motion, brought_from_rest, simulate_many
-from sindyjoint.numeric import Array, rms
+from sindyjoint.numeric import Array, Integers, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import FAR_OFF, simulate_segments
 from sindyjoint.response.laws import law_terms, with_coefficients
@@ -334,7 +333,7 @@ class OutputError:
         return {}
 
     @cached_property
-    def number_indices(self) -> NDArray[np.intp]:
+    def number_indices(self) -> Integers:
         """Indices of the model's numbers, in its order, among the parameters."""
         names = [parameter.name for parameter in self.parameters]
         inner = [place for place, each in enumerate(self.parameters) if each.kind == "element"]

@@ -18,7 +18,7 @@ from sindyjoint.limits import RESPONSE
 from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
-from sindyjoint.numeric import Array, rms
+from sindyjoint.numeric import Array, Booleans, Integers, rms
 from sindyjoint.record import Motion, Run
 from sindyjoint.response import added_law, law_of_test
 from sindyjoint.response.drive import SETTLED, Drive, choose_drive, prescribed, segment_starts
@@ -35,7 +35,7 @@ from sindyjoint.response.run import (
     span_of,
     window_of,
 )
-from sindyjoint.states import ForceStates, smoothing_kernels
+from sindyjoint.states import ForceStates, HarmonicBasis, smoothing_kernels
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +56,17 @@ class Cycle:
 
     frequency: float
     nodes: int
-    left: NDArray[np.intp]
+    left: Integers
     share: Array
 
     @classmethod
     def of(cls, states: ForceStates, skip: int) -> Cycle:
         """Return the cycle of periodic states, compared from sample ``skip`` on."""
-        assert states.frequency is not None
-        per = states.sample_rate / states.frequency
+        per = states.sample_rate / states.fundamental
         nodes = round(per)
         place = np.arange(skip, states.n_samples) / per % 1.0 * nodes
         left = np.floor(place).astype(np.intp)
-        return cls(states.frequency, nodes, left % nodes, place - left)
+        return cls(states.fundamental, nodes, left % nodes, place - left)
 
     @property
     def sample_rate(self) -> float:
@@ -143,7 +142,7 @@ class Record:
     window: float
     initial: int
     in_law: tuple[Array, Array] | None
-    used: NDArray[np.bool_] | None = None
+    used: Booleans | None = None
     inner: Array | None = None
     cycle: Cycle | None = None
     columns: Array | None = None
@@ -225,13 +224,11 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
     n = states.n_samples
     if states.method == "periodic" and states.frequency is not None:
         orders = np.arange(1, max(1, round(states.bandwidth / states.frequency)) + 1)
-        angular = 2 * np.pi * states.frequency * orders
         size = states.white_noise(states.frequency * orders) * np.sqrt(2.0 / n)
         a, b = size * generator.standard_normal((2, orders.size))
-        cosine, sine = (f(np.outer(states.time, angular)) for f in (np.cos, np.sin))
-        angle = cosine @ a + sine @ b
-        rate = cosine @ (angular * b) - sine @ (angular * a)
-        acceleration = -cosine @ (angular**2 * a) - sine @ (angular**2 * b)
+        angle, rate, acceleration = HarmonicBasis.build(states.time, states.frequency, orders).motion(
+            0.0, a, b
+        )
     else:
         kernels = smoothing_kernels(states.bandwidth, states.sample_rate)
         noise = states.draw_angle_noise(n + kernels[0].size - 1, generator)

@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import RESPONSE, STATES
@@ -21,7 +20,7 @@ from sindyjoint.mechanics.stickslip import (
     simulate,
     slip_direction,
 )
-from sindyjoint.numeric import Array, convolve, rms, smoothing_kernels
+from sindyjoint.numeric import Array, Booleans, convolve, rms, smoothing_kernels
 from sindyjoint.record import Run
 from sindyjoint.response.drive import (
     Drive,
@@ -108,7 +107,7 @@ class SimulatedRun:
         return self.simulated_angle
 
     @property
-    def _slides(self) -> NDArray[np.bool_]:
+    def _slides(self) -> Booleans:
         """Where the motion says which moment friction has: it holds any while the joint sticks, and on a reversal."""
         rate = self.states.rate
         return np.abs(rate) > rate_limit(rate, self.states.noise.rate, STATES.periodic_rate_share)

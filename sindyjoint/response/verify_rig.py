@@ -11,9 +11,9 @@ from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rigs import UNKNOWN, Rig
+from sindyjoint.mechanics.rigs import UNKNOWN, MeasuredResponse, Rig
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.mechanics.virtual_rig import PulseTest, hinges, virtual_pulse_test, with_laws
+from sindyjoint.mechanics.virtual_rig import hinges, virtual_pulse_test, with_laws
 from sindyjoint.numeric import Array, main_frequency, noise_by_differences, rms
 from sindyjoint.response.laws import model_law
 from sindyjoint.response.oscillations import (
@@ -130,19 +130,21 @@ def find_model_joints(rig: Rig, model: JointModel) -> set[str]:
     )
 
 
-def _provide_pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.Generator) -> PulseTest:
+def _provide_pulse_test(
+    rig: Rig, truth: dict[str, float], generator: np.random.Generator
+) -> MeasuredResponse:
     measured = rig.measured
     if measured is not None:
         if truth:
             raise InputError(
                 f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig {rig.name!r} names a measured response"
             )
-        return PulseTest(measured.point, measured.displacement, measured.sample_rate)
+        return measured
     return virtual_pulse_test(rig, rng=generator, **truth)
 
 
 def _compare_pulse(
-    rig: Rig, test: PulseTest, response: Any, band: Band | None, failure: str
+    rig: Rig, test: MeasuredResponse, response: Any, band: Band | None, failure: str
 ) -> RunVerification:
     measured = test.displacement
     scale = float(np.std(measured))

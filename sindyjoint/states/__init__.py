@@ -31,6 +31,7 @@ from sindyjoint.states.floor import (
 from sindyjoint.states.harmonics import (
     FIRST_ORDERS,
     HarmonicBasis,
+    fitted_motion,
     local_noise,
     refine_frequency,
     significant_harmonics,
@@ -41,7 +42,6 @@ from sindyjoint.states.periodic import (
     MAXIMUM_HARMONICS,
     REPLICATES,
     cut_blocks,
-    kept_harmonics,
     periodic_states,
     reversal_guard,
 )
@@ -78,9 +78,9 @@ __all__ = [
     "content_hash",
     "cut_blocks",
     "dwells",
+    "fitted_motion",
     "force_states",
     "group_labels",
-    "kept_harmonics",
     "larger_moment",
     "local_noise",
     "mean_period",

@@ -1,13 +1,12 @@
 """Force states of a run that does not repeat: one smoothing kernel and its derivatives, or differences along a path."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.limits import STATES
 from sindyjoint.measurement import WIDEST, channel_noise
 from sindyjoint.measurement.runs import white_noise
-from sindyjoint.numeric import Array, convolve, filtered_inputs, smoothing_kernels
+from sindyjoint.numeric import Array, Booleans, Integers, convolve, filtered_inputs, smoothing_kernels
 from sindyjoint.record import Run
 from sindyjoint.states.record import ForceStates, NoiseFloor, moving_mask, rate_limit, within
 
@@ -108,7 +107,7 @@ def broadband_states(run: Run, bandwidth: float | None = None, repeated: bool = 
     )
 
 
-def _blocks(moving: NDArray[np.bool_], cell: int) -> NDArray[np.intp]:
+def _blocks(moving: Booleans, cell: int) -> Integers:
     """Return the block of each sample: equal times, or as many moving samples where one block would hold them all.
 
     No block of moving samples is shorter than the ``cell`` over which what the kernel passes of the noise is alike.

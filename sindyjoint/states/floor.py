@@ -109,10 +109,9 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
 
 def mean_slope(signal: Array, sample_rate: float, states: ForceStates) -> tuple[float, float, float, float]:
     """Return slope per RMS, its standard error, the duration and the slope itself, from means of whole periods."""
-    assert states.frequency is not None
     start = int(round(states.dropped * sample_rate))
     part = signal[start : start + states.n_samples]
-    edges = np.round(np.arange(0, part.size + 1, sample_rate / states.frequency)).astype(int)
+    edges = np.round(np.arange(0, part.size + 1, sample_rate / states.fundamental)).astype(int)
     edges = edges[edges <= part.size]
     means = np.add.reduceat(part[: edges[-1]], edges[:-1]) / np.diff(edges)
     if means.size < 4 or not np.ptp(part):

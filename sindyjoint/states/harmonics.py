@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.limits import STATES
-from sindyjoint.numeric import BLOCK, Array, chunks
+from sindyjoint.numeric import BLOCK, Array, Booleans, Complex, Integers, chunks
 
 FIRST_ORDERS = (1, 2, 3)
 
@@ -35,7 +34,7 @@ class HarmonicBasis:
     complete: bool = False
 
     @classmethod
-    def build(cls, time: Array, frequency: float, orders: NDArray[np.intp]) -> HarmonicBasis:
+    def build(cls, time: Array, frequency: float, orders: Integers) -> HarmonicBasis:
         """Return the basis of the given harmonic orders of ``frequency`` (Hz) at ``time`` (s).
 
         Runs of one frequency and length follow one another, and have one basis.
@@ -53,7 +52,7 @@ class HarmonicBasis:
             LATEST.append((time, made))
         return made
 
-    def take(self, keep: NDArray[np.bool_]) -> HarmonicBasis:
+    def take(self, keep: Booleans) -> HarmonicBasis:
         """Return the basis of the harmonics marked in ``keep``."""
         return HarmonicBasis(self.cosine.T[keep].T, self.sine.T[keep].T, self.angular[keep])
 
@@ -106,14 +105,25 @@ class HarmonicBasis:
         """Return mean + Σ a·cos + b·sin at the instants of the basis."""
         return mean + self.cosine @ a + self.sine @ b
 
-    def derivative(self, a: Array, b: Array) -> Array:
-        """Return the exact first time derivative of the series."""
-        return self.cosine @ (b * self.angular) - self.sine @ (a * self.angular)
+    def motion(self, mean: float, a: Array, b: Array) -> Array:
+        """Return the series and its first two time derivatives, which are exact, shape (3, n)."""
+        c, s, w = self.cosine, self.sine, self.angular
+        first = c @ (b * w) - s @ (a * w)
+        return np.array([self.series(mean, a, b), first, -(c @ (a * w**2)) - s @ (b * w**2)])
 
-    def second_derivative(self, a: Array, b: Array) -> Array:
-        """Return the exact second time derivative of the series."""
-        square = self.angular**2
-        return -(self.cosine @ (a * square)) - self.sine @ (b * square)
+
+def fitted_motion(
+    bases: Sequence[HarmonicBasis], signals: Sequence[Array], rows: slice = slice(None)
+) -> Array:
+    """Return angle, rate and acceleration of the harmonics of an angle, or of an angle and a rate, shape (3, n).
+
+    They are fitted at the ``rows`` at which they are given.
+    """
+    cut = [basis.rows(rows) for basis in bases]
+    angle, *rate = (
+        basis.motion(*basis.fit(signal[rows])) for basis, signal in zip(cut, signals, strict=False)
+    )
+    return np.array([angle[0], *rate[0][:2]]) if rate else angle
 
 
 #: The latest bases with their instants, of at most 1.25 million cosines each: 40 MB in all.
@@ -164,7 +174,7 @@ def local_noise(residual: Array, sample_rate: float, frequencies: Array, width: 
     return (total[high] - total[low]) / np.maximum(high - low - 1, 1)
 
 
-def significant_harmonics(amplitude: Array, standard_error: Array) -> NDArray[np.bool_]:
+def significant_harmonics(amplitude: Array, standard_error: Array) -> Booleans:
     """Return which harmonics to keep: significant ones, up to where the spectrum ends in noise.
 
     Parameters
@@ -222,9 +232,7 @@ def unsteady_periods(
     return int(unsteady[-1]) + 1 if unsteady.size else 0, late.shape[0] - 1 - int(last[-1])
 
 
-def _sum_periods(
-    signal: Array, sample_rate: float, frequency: float, orders: Sequence[int]
-) -> NDArray[np.complex128]:
+def _sum_periods(signal: Array, sample_rate: float, frequency: float, orders: Sequence[int]) -> Complex:
     """Return the sums of a signal times some harmonics' rotation over each whole period, shape (periods, orders).
 
     A harmonic's sum over one period is not zero where the period is no whole number of samples; the mean is removed

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.limits import STATES
-from sindyjoint.numeric import Array, smoothing_kernels
+from sindyjoint.numeric import Array, Booleans, Integers, smoothing_kernels
 from sindyjoint.rig import Fusion
 
 Method = Literal["periodic", "broadband", "path"]
@@ -59,7 +59,7 @@ class Harmonics:
         Of one of the two coefficients of each, in the channel's unit.
     """
 
-    orders: NDArray[np.intp]
+    orders: Integers
     standard_error: Array
 
     def derivative_noise(self, frequency: float, order: int) -> float:
@@ -133,8 +133,8 @@ class ForceStates:
     rate: Array
     acceleration: Array
     moment: Array
-    moving: NDArray[np.bool_]
-    block: NDArray[np.intp]
+    moving: Booleans
+    block: Integers
     replicate: tuple[Array, Array, Array] | None
     noise: NoiseFloor
     method: Method
@@ -155,6 +155,12 @@ class ForceStates:
     def mean_known(self) -> bool:
         """Whether the mean angle was measured: an accelerometer does not see it."""
         return self.fusion is None or self.fusion.mean_known
+
+    @property
+    def fundamental(self) -> float:
+        """Excitation frequency of a run that repeats, Hz."""
+        assert self.frequency is not None
+        return self.frequency
 
     def white_noise(self, frequency: ArrayLike) -> Array:
         """Return the RMS of white noise as dense as that of the angle at some frequencies, Hz, rad."""
@@ -211,7 +217,7 @@ class RegressionRows:
     y: Array
     groups: NDArray[Any] | None
     runs: NDArray[Any] | None
-    blocks: NDArray[np.intp]
+    blocks: Integers
     X_replicate: Array
     y_replicate: Array
 
@@ -297,7 +303,7 @@ def rate_limit(rate: Array, noise: float, share: float) -> float:
     return max(share * float(np.max(np.abs(rate))), STATES.outstanding * noise)
 
 
-def moving_mask(rate: Array, limit: float, guard: int) -> NDArray[np.bool_]:
+def moving_mask(rate: Array, limit: float, guard: int) -> Booleans:
     """Return where |θ̇| passes ``limit`` with ``guard`` samples to spare on both sides.
 
     Parameters
@@ -314,7 +320,7 @@ def moving_mask(rate: Array, limit: float, guard: int) -> NDArray[np.bool_]:
     return within(~slow, guard)
 
 
-def within(good: NDArray[np.bool_], guard: int) -> NDArray[np.bool_]:
+def within(good: Booleans, guard: int) -> Booleans:
     """Return where all samples up to ``guard`` to either side are good, shape (n,)."""
     count = np.concatenate([[0], np.cumsum(~good)])
     n = good.size
@@ -343,7 +349,7 @@ def without_noise_travel(states: ForceStates, angle: Array, rate: Array, step: f
     return straight, np.where(still, np.append(slope, rate[-1:]), rate)
 
 
-def _known_angles(angle: Array, still: NDArray[np.bool_], within: float) -> NDArray[np.intp]:
+def _known_angles(angle: Array, still: Booleans, within: float) -> Integers:
     """Return the samples between which the angle is straight: all that move, of a standstill those beyond noise."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
     known = ~still

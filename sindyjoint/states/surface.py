@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array, scaled_least_squares
+from sindyjoint.numeric import Array, Booleans, Integers, scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
 #: Cells of a map along either axis.
@@ -39,7 +39,7 @@ class ForceStateMap:
 
     angle_edges: Array
     rate_edges: Array
-    count: NDArray[np.intp]
+    count: Integers
     moment: Array
     spread: Array
     angle: Array
@@ -51,7 +51,7 @@ class ForceStateMap:
         return self.angle_edges.size - 1
 
     @property
-    def filled(self) -> NDArray[np.bool_]:
+    def filled(self) -> Booleans:
         """Cells that hold samples, shape (n, n)."""
         return self.count > 0
 
@@ -207,6 +207,6 @@ def _make_edges(low: float, high: float, n: int) -> Array:
     return np.linspace(low, high, n + 1)
 
 
-def _find_cells(values: Array, edges: Array) -> NDArray[np.intp]:
+def _find_cells(values: Array, edges: Array) -> Integers:
     """Return the cell of each value; the last cell holds its upper edge too."""
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)

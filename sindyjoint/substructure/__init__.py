@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from sindyjoint.hooks import fetched
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Complex
 
 __getattr__ = fetched(
     __name__,
@@ -36,9 +35,6 @@ __getattr__ = fetched(
         "unseen": "find_slow",
     },
 )
-
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

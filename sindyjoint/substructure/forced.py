@@ -1,15 +1,14 @@
 """Frequency response of a structure with joints under a harmonic force, round its folds."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.described import Maybe, Shown, same
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Booleans
 from sindyjoint.record import Motion
 from sindyjoint.substructure.continuation import (
     FREQUENCY_SHARE,
@@ -74,10 +73,10 @@ class ForcedResponse:
     amplitude: Array
     phase: Array
     angle: Array
-    stable: NDArray[np.bool_]
+    stable: Booleans
     frequency_error: Array
     log_error: Array
-    tested: NDArray[np.bool_]
+    tested: Booleans
     harmonics: int
 
     def band95(self, side: int) -> tuple[Array, Array]:
@@ -235,7 +234,9 @@ def _error_across(balance: Balance, point: Solution, varied: Varied, force: floa
     """
     y = point.unknowns
     moved = point.shifted(
-        varied.slopes(lambda laws: balance.with_laws(laws).residual(y[:-1], y[-1], force, slopes=False)[0])
+        varied.slopes(
+            lambda laws: replace(balance, laws=laws).residual(y[:-1], y[-1], force, slopes=False)[0]
+        )
     )
     here = np.log(abs(balance.deflection(y[:-1], y[-1])))
 

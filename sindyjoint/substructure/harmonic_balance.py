@@ -9,7 +9,7 @@ method. No regularisation: where a joint sticks its rate is zero up to the harmo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, Self
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure, craig_bampton, with_coordinate
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Complex, Integers
 from sindyjoint.substructure.spectra import (
     analysis,
     by_harmonic,
@@ -27,8 +27,6 @@ from sindyjoint.substructure.spectra import (
     real_blocks,
     synthesis,
 )
-
-Complex = NDArray[np.complex128]
 
 SAMPLES_PER_HARMONIC = 8
 # ε as a multiple of the stiffness of a joint and of what it carries: from 3 on Newton's method finds its way along the
@@ -122,10 +120,6 @@ class Balance:
         wider[:, :width] = unknowns[: joints * width].reshape(joints, width)
         return np.concatenate([wider.ravel(), unknowns[joints * width :]])
 
-    def with_laws(self, laws: Sequence[Any]) -> Self:
-        """Return the same structure with other laws."""
-        return replace(self, laws=tuple(laws))
-
     def peak_angles(self, unknowns: Array) -> Array:
         """Return half of the peak-to-peak angle of each joint, rad, shape (joints,)."""
         to_time = over_a_period(self.harmonics)[0]
@@ -157,7 +151,7 @@ class Balance:
         return matrix
 
     @cached_property
-    def first(self) -> NDArray[np.intp]:
+    def first(self) -> Integers:
         """Places of the first harmonic of joints and point among the unknowns, cos and sin side by side."""
         rows = np.arange(len(self.laws)) * (2 * self.harmonics + 1)
         return np.append(np.ravel(rows[:, None] + [1, 2]), [self.size - 2, self.size - 1])
@@ -253,24 +247,25 @@ def add_joint_moments(
     by = (to_time, omega * to_rate) if slopes else None
     for j, (law, angle) in enumerate(zip(laws, angles, strict=True)):
         own = slice(j * width, (j + 1) * width)
-        moment = period_moment(law, (to_time @ angle, omega * (to_rate @ angle)), by, 2 * np.pi / omega)
-        out[own] += to_coefficients @ moment.middle
-        if moment.friction.min() < 0:
+        motion = to_time @ angle, omega * (to_rate @ angle)
+        (middle, friction), (d_middle, d_friction) = period_moment(law, motion, by, 2 * np.pi / omega)
+        out[own] += to_coefficients @ middle
+        if friction.min() < 0:
             raise InputError(
                 "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
             )
         # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
         moved = to_time @ -out[own] + hold[j] * (to_rate @ angle + CENTRING * (to_time @ angle))
-        mean, by_ends, by_limit = _clipped_means(moved, (moment.friction + np.roll(moment.friction, -1)) / 2)
+        mean, by_ends, by_limit = _clipped_means(moved, (friction + np.roll(friction, -1)) / 2)
         out[own] += onto @ mean
         if not slopes:
             continue
-        jacobian[own, own] += to_coefficients @ moment.d_middle
+        jacobian[own, own] += to_coefficients @ d_middle
         weights = onto * by_ends[0] + np.roll(onto * by_ends[1], 1, axis=1)
         jacobian[own] -= (weights @ to_time) @ jacobian[own]
         jacobian[own, own] += hold[j] * (weights @ (to_rate + CENTRING * to_time))
-        if moment.d_friction.any():
-            between = (moment.d_friction + np.roll(moment.d_friction, -1, axis=0)) / 2
+        if d_friction.any():
+            between = (d_friction + np.roll(d_friction, -1, axis=0)) / 2
             jacobian[own, own] += onto @ (by_limit[:, None] * between)
 
 

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.limits import EQUATION
-from sindyjoint.numeric import COARSE_DIFFERENCE, Array
+from sindyjoint.numeric import COARSE_DIFFERENCE, Array, Booleans
 from sindyjoint.response.laws import model_law
 from sindyjoint.substructure.spectra import steady_states
 
@@ -55,9 +55,8 @@ def loop_measures(law: Any, amplitude: ArrayLike, frequency: float) -> Array:
     for place, size in enumerate(sizes):
         angle, rate = size * sine, 2 * np.pi * frequency * size * cosine
         states = steady_states(law, angle, rate, 1.0 / frequency)
-        side = np.ones(SAMPLES)
-        up, down = law.moment(angle, rate, side, states), law.moment(angle, rate, -side, states)
-        moment = (up + down) / 2 + np.sign(cosine) * (up - down) / 2
+        middle, friction = law.friction_interval(angle, rate, states)
+        moment = middle + np.sign(cosine) * friction
         storage = 2 * np.mean(moment * sine) / size
         energy = 2 * np.pi * size * np.mean(moment * cosine)
         secant = (moment[quarter] - moment[3 * quarter]) / (2 * size)
@@ -101,7 +100,7 @@ class JointCurve:
     storage_error: Array
     loss_factor_error: Array
     energy_error: Array
-    tested: NDArray[np.bool_]
+    tested: Booleans
 
     @property
     def low(self) -> JointCurve:

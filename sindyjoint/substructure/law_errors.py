@@ -13,15 +13,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Booleans, Complex, Integers
 from sindyjoint.states import ForceStates
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.states import kept_of, slow_orders
 from sindyjoint.substructure.unseen import LawRows, Slow
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +71,7 @@ class LawErrors:
     excess_with: Array
     hidden: Array
     shifts: Array
-    likely: NDArray[np.bool_]
+    likely: Booleans
 
     @property
     def of_noise(self) -> Array:
@@ -157,11 +154,12 @@ def law_excess(rows: LawRows, sources: Sequence[Recovered]) -> float:
 
 def _inverse(rows: LawRows) -> Array:
     """Return (AᵀA)⁻¹ of the rows of a law, with what the sensors say of the slow angles."""
-    counts = np.concatenate([np.zeros(rows.coefficients.size), rows.said])
-    scale = np.sqrt(np.sum(rows.columns**2, axis=0) + counts**2)
+    scale = np.sqrt(np.sum(rows.columns**2, axis=0) + rows.said**2)
     scale[scale == 0] = 1.0
     scaled = rows.columns / scale
-    inverse = np.linalg.pinv(scaled.T @ scaled + np.diag((counts / scale) ** 2), rcond=1e-14, hermitian=True)
+    inverse = np.linalg.pinv(
+        scaled.T @ scaled + np.diag((rows.said / scale) ** 2), rcond=1e-14, hermitian=True
+    )
     return np.asarray(inverse / scale[:, None] / scale)
 
 
@@ -170,7 +168,7 @@ def law_errors(
     sources: Sequence[Recovered],
     slow: Sequence[Slow],
     others: Sequence[Array] | None = None,
-    likely: NDArray[np.bool_] | bool = False,
+    likely: Booleans | bool = False,
 ) -> LawErrors:
     """Return how the coefficients of a law follow errors of the recovered amplitudes.
 
@@ -190,7 +188,6 @@ def law_errors(
     k = rows.coefficients.size
     others = [np.zeros((kept.size, 0)) for kept in rows.kept] if others is None else others
     beyond = np.vstack([np.sqrt(w) * columns for w, columns in zip(rows.weights, others, strict=True)])
-    counts = np.concatenate([np.zeros(k), rows.said])
     inverse = _inverse(rows)
     # A further term beside the law (Frisch and Waugh 1933): what of its column the law does not follow.
     followed = inverse @ (rows.columns.T @ beyond)
@@ -208,7 +205,7 @@ def law_errors(
         orders = slow[index].orders - 1
         # First stand cosines and sines of the slow harmonics, as the sensors show them.
         place = unknowns[index] + np.arange(orders.size)
-        said = np.vstack([inverse, -(followed / unique).T]) * counts**2
+        said = np.vstack([inverse, -(followed / unique).T]) * rows.said**2
         slope[:, orders, 0] += said[:, place] + 1j * said[:, place + orders.size]
         slopes.append(slope[: len(inverse)])
         of_others.append(slope[len(inverse) :])
@@ -247,11 +244,11 @@ class _RowErrors:
     """Errors of rows by those of angle and moment at each harmonic: (−∂M/∂θ − iω·∂M/∂θ̇)·δθ + δM, times exp(iωt)."""
 
     source: Recovered
-    rows: NDArray[np.intp]
+    rows: Integers
     slopes: tuple[Array, Array]
 
     @cached_property
-    def kept(self) -> NDArray[np.intp]:
+    def kept(self) -> Integers:
         """The harmonics that are used."""
         return np.flatnonzero(kept_of(self.source.recovery, self.source.joint))
 

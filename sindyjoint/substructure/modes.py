@@ -1,16 +1,15 @@
 """Modes of a structure with joints over their amplitude: backbone and damping."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from sindyjoint.described import same
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Booleans
 from sindyjoint.substructure.continuation import (
     FREQUENCY_SHARE,
     STEP,
@@ -77,7 +76,7 @@ class ModeCurve:
     damping_error: Array
     force: Array
     slips: Array
-    tested: NDArray[np.bool_]
+    tested: Booleans
     harmonics: int
 
 
@@ -163,7 +162,7 @@ def _errors(balance: Balance, unknowns: Array, solution: Solution, varied: Varie
     same_amplitude[-1] = 1.0
     moved = solution.shifted(
         varied.slopes(
-            lambda laws: balance.with_laws(laws).residual(unknowns, y[-3], 0.0, y[-2], slopes=False)[0]
+            lambda laws: replace(balance, laws=laws).residual(unknowns, y[-3], 0.0, y[-2], slopes=False)[0]
         ),
         same_amplitude,
     )
@@ -229,11 +228,7 @@ def slip_amplitudes(balance: Balance, number: int) -> Array:
     joints = len(balance.laws)
     omega, shape = locked_mode(balance, number)
     held = ((balance.stiffness - omega**2 * balance.mass) @ shape)[:joints]
-    zero, side = np.zeros(1), np.ones(1)
-    friction = np.empty(joints)
-    for j, law in enumerate(balance.laws):
-        states = np.zeros((law.n_states, 1))
-        friction[j] = (law.moment(zero, zero, side, states) - law.moment(zero, zero, -side, states))[0] / 2
+    friction = np.array([law.friction_interval(0.0, 0.0)[1] for law in balance.laws])
     with np.errstate(divide="ignore"):
         return np.asarray(friction / np.abs(held))
 

@@ -12,14 +12,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.limits import SOUNDNESS, STATES, SUBSTRUCTURE
 from sindyjoint.measurement import signal_end
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Complex
 from sindyjoint.substructure import (
     Ends,
     Transfer,
@@ -31,8 +30,6 @@ from sindyjoint.substructure import (
 from sindyjoint.substructure.spectra import Spectra, between_harmonics, channel_spectra, strongest
 from sindyjoint.substructure.steady_response import condense
 from sindyjoint.text import list_some
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,7 +316,7 @@ def held_spectra(test: RigTest) -> tuple[Spectra, ...]:
     return tuple(channel_spectra(run, declared_noise(test)) for run in test.update_runs)
 
 
-def left_held(test: RigTest, spectra: Spectra, angular: Array) -> NDArray[np.complex128]:
+def left_held(test: RigTest, spectra: Spectra, angular: Array) -> Complex:
     """Return what a structure whose joints stick leaves of the channels, in standard errors, shape (h, channels).
 
     Parameters

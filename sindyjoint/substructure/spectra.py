@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import STATES, SUBSTRUCTURE
 from sindyjoint.measurement import signal_end
 from sindyjoint.mechanics.rig_test import RigRun
-from sindyjoint.numeric import Array, partials
+from sindyjoint.numeric import Array, Complex, Integers, partials
 from sindyjoint.states import (
     FIRST_ORDERS,
     HarmonicBasis,
@@ -59,7 +58,7 @@ def rates(harmonics: int, samples: int) -> Array:
     return matrix
 
 
-def real_blocks(factor: NDArray[np.complex128]) -> Array:
+def real_blocks(factor: Complex) -> Array:
     """Return complex factors of one harmonic as factors of its (cos, sin) coefficients.
 
     With x = Re(a·exp(iτ)), a = x_c − i·x_s: y = S·a has y_c = Re S·x_c + Im S·x_s, y_s = −Im S·x_c + Re S·x_s.
@@ -77,7 +76,7 @@ def real_blocks(factor: NDArray[np.complex128]) -> Array:
     return blocks.transpose(2, 0, 3, 1).reshape(2 * factor.shape[0], 2 * factor.shape[1])
 
 
-def by_harmonic(factors: NDArray[np.complex128], spare: int = 0) -> Array:
+def by_harmonic(factors: Complex, spare: int = 0) -> Array:
     """Return complex factors of each harmonic as a matrix on the coefficients of all signals.
 
     Parameters
@@ -99,24 +98,6 @@ def by_harmonic(factors: NDArray[np.complex128], spare: int = 0) -> Array:
     matrix = np.zeros((count * width + spare,) * 2)
     matrix[: count * width, : count * width] = blocks.reshape(count * width, -1)
     return matrix
-
-
-@dataclass(frozen=True, eq=False)
-class PeriodMoment:
-    """Moment over a period, M = middle + friction·s with s in [−1, 1] at standstill and sign θ̇ in slip, and its slopes.
-
-    Parameters
-    ----------
-    middle, friction : ndarray, shape (n,)
-        N·m (N).
-    d_middle, d_friction : ndarray, shape (n, m)
-        Derivatives by the m coefficients of the motion.
-    """
-
-    middle: Array
-    friction: Array
-    d_middle: Array
-    d_friction: Array
 
 
 def steady_states(law: Any, angle: Array, rate: Array, period: float) -> Array:
@@ -167,8 +148,10 @@ def steady_states(law: Any, angle: Array, rate: Array, period: float) -> Array:
 
 def period_moment(
     law: Any, motion: tuple[Array, Array], slopes: tuple[Array, Array] | None, period: float
-) -> PeriodMoment:
-    """Return the moment over a period and its derivatives.
+) -> tuple[Array, Array]:
+    """Return the moment over a period, M = middle + friction·s, and its derivatives.
+
+    s lies in [−1, 1] at standstill and is sign θ̇ in slip.
 
     Parameters
     ----------
@@ -179,23 +162,24 @@ def period_moment(
         Their derivatives by the coefficients of the motion; None: those of the moment are left at zero.
     period : float
         s.
+
+    Returns
+    -------
+    ndarray, shape (2, n); ndarray, shape (2, n, m)
+        Middle and friction, N·m (N), and their derivatives by the coefficients.
     """
     states = steady_states(law, *motion, period)
     at = [*motion, *states]
 
     def parts(*values: Array) -> Array:
-        angle, rate, inner = values[0], values[1], np.array(values[2:]).reshape(-1, values[0].size)
-        side = np.ones_like(angle)
-        up, down = law.moment(angle, rate, side, inner), law.moment(angle, rate, -side, inner)
-        return np.array([(up + down) / 2, (up - down) / 2])
+        inner = np.array(values[2:]).reshape(-1, values[0].size)
+        return np.array(law.friction_interval(values[0], values[1], inner))
 
-    middle, friction = parts(*at)
+    moment = parts(*at)
     if slopes is None:
-        none = np.zeros((middle.size, 1))
-        return PeriodMoment(middle, friction, none, none)
+        return moment, np.zeros((*moment.shape, 1))
     d_at = [*slopes, *_state_slopes(law, at, slopes, period)]
-    total = sum(p[..., None] * d for p, d in zip(partials(parts, at), d_at, strict=True))
-    return PeriodMoment(middle, friction, total[0], total[1])
+    return moment, np.sum([p[..., None] * d for p, d in zip(partials(parts, at), d_at, strict=True)], axis=0)
 
 
 def _state_slopes(law: Any, at: list[Array], slopes: tuple[Array, Array], period: float) -> Array:
@@ -229,9 +213,6 @@ def _state_slopes(law: Any, at: list[Array], slopes: tuple[Array, Array], period
     return passed(start, 1.0).transpose(1, 0, 2)
 
 
-Complex = NDArray[np.complex128]
-
-
 @dataclass(frozen=True, eq=False)
 class Spectra:
     """The channels of a run as Fourier series: x(t) = mean + Re Σ amplitude·exp(2πi·order·frequency·t).
@@ -257,7 +238,7 @@ class Spectra:
 
     frequency: float
     first: int
-    edges: NDArray[np.intp]
+    edges: Integers
     mean: Array
     amplitudes: Complex
     blocks: Complex

@@ -6,12 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.described import same
 from sindyjoint.limits import MEASUREMENT, STATES, SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import Array, rms, scaled_least_squares
+from sindyjoint.numeric import Array, Booleans, Complex, rms, scaled_least_squares
 from sindyjoint.states import (
     BLOCKS,
     ForceStates,
@@ -29,11 +28,8 @@ from sindyjoint.substructure.recovery import Recovery, solved
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.unseen import Slow, within_record
 
-Complex = NDArray[np.complex128]
-Orders = NDArray[np.bool_]
 
-
-def kept_orders(amplitude: Complex, standard_error: Array, tone: bool) -> Orders:
+def kept_orders(amplitude: Complex, standard_error: Array, tone: bool) -> Booleans:
     """Return the harmonics up to the last that stands out of its noise, shape (h,).
 
     None between is left out: what is left out of one side of the law for its noise stands on the other, and biases.
@@ -43,7 +39,7 @@ def kept_orders(amplitude: Complex, standard_error: Array, tone: bool) -> Orders
     return np.logical_or.accumulate(out[::-1])[::-1]
 
 
-def lines(size: Array, standard_error: Array) -> Orders:
+def lines(size: Array, standard_error: Array) -> Booleans:
     """Return which lines of a spectrum stand out of their noise, shape (h,)."""
     return np.asarray(size > SUBSTRUCTURE.line * standard_error)
 
@@ -53,7 +49,7 @@ def strongest_line(size: Array, standard_error: Array) -> int:
     return int(np.argmax(np.where(lines(size, standard_error), size, 0.0)))
 
 
-def kept_of(recovery: Recovery, joint: int) -> Orders:
+def kept_of(recovery: Recovery, joint: int) -> Booleans:
     """Return which harmonics of a joint's angle and of its moment are used: none where either has none."""
     rows, values = recovery.rows(joint), recovery.values
     power = np.abs(recovery.spectra.amplitudes[0]) ** 2
@@ -66,7 +62,7 @@ def kept_of(recovery: Recovery, joint: int) -> Orders:
     return np.logical_or(*kept) & kept[0].any() & kept[1].any()
 
 
-def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
+def up_to_end(amplitude: Complex, standard_error: Array) -> Booleans:
     """Return the harmonics up to where a continuous spectrum ends in noise, shape (h,)."""
     power = np.abs(amplitude) ** 2 / (2 * standard_error**2)
     smooth = scipy.ndimage.median_filter(power, min(power.size, max(5, power.size // 60)) | 1, mode="nearest")
@@ -74,7 +70,7 @@ def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
     return np.arange(power.size) <= (above[-1] if above.size else -1)
 
 
-def slow_orders(recovery: Recovery, joint: int) -> Orders:
+def slow_orders(recovery: Recovery, joint: int) -> Booleans:
     """Return which harmonics below the strongest one the sensors hardly show, as accelerations small, shape (h,)."""
     size, error = np.abs(recovery.values[joint]), recovery.standard_error[joint]
     main = strongest_line(size, error)
@@ -146,26 +142,20 @@ def joint_states(
     time = np.arange(spectra.edges[-1]) / run.sample_rate
     basis = HarmonicBasis.build(time, spectra.frequency, orders)
 
-    def motion(amplitudes: Complex, rows: slice = slice(None)) -> list[Array]:
-        part, a, b = basis.rows(rows), amplitudes.real, -amplitudes.imag
-        return [part.series(0.0, a, b), part.derivative(a, b), part.second_derivative(a, b)]
+    def motion(amplitudes: Complex, rows: slice = slice(None)) -> Array:
+        return basis.rows(rows).motion(0.0, amplitudes.real, -amplitudes.imag)
 
     spans = [slice(low, high) for low, high in zip(spectra.edges[:-1], spectra.edges[1:], strict=True)]
     angle, rate, acceleration = motion(values[of_angle, keep])
-    replicate = [motion(part[of_angle, keep], rows) for part, rows in zip(blocks, spans, strict=True)]
-    moments = [part[of_moment, keep] for part in blocks]
-    moment = np.concatenate(
-        [
-            basis.rows(rows).series(mean_moment, m.real, -m.imag)
-            for m, rows in zip(moments, spans, strict=True)
-        ]
+    first, second, third = np.hstack(
+        [motion(part[of_angle, keep], rows) for part, rows in zip(blocks, spans, strict=True)]
     )
+    moments = [motion(part[of_moment, keep], rows)[0] for part, rows in zip(blocks, spans, strict=True)]
     series = Harmonics(orders, errors[of_angle, keep])
     rate_noise = series.derivative_noise(spectra.frequency, 1)
     highest = float(orders[-1] * spectra.frequency)
     guard = reversal_guard(run.sample_rate, spectra.frequency, highest)
     slowest = rate_limit(rate, rate_noise, STATES.periodic_rate_share)
-    first, second, third = (np.concatenate(column) for column in zip(*replicate, strict=True))
     noise = NoiseFloor(
         float(np.sqrt(len(spans) * np.sum(errors[of_moment, keep] ** 2))),
         float(np.sqrt(np.sum(errors[of_angle, known] ** 2))),
@@ -174,8 +164,9 @@ def joint_states(
     )
     return ForceStates(
         run=name, frequency=spectra.frequency, level=run.level, sample_rate=run.sample_rate,
-        time=time + spectra.first / run.sample_rate, angle=angle, rate=rate, acceleration=acceleration, moment=moment,
-        moving=moving_mask(rate, slowest, guard), block=np.repeat(np.arange(len(spans)), np.diff(spectra.edges)),
+        time=time + spectra.first / run.sample_rate, angle=angle, rate=rate, acceleration=acceleration,
+        moment=mean_moment + np.concatenate(moments), moving=moving_mask(rate, slowest, guard),
+        block=np.repeat(np.arange(len(spans)), np.diff(spectra.edges)),
         replicate=(first, second, third), noise=noise, method="periodic", bandwidth=highest,
         dropped=spectra.first / run.sample_rate, slowest=slowest, guard=guard, series=(series,),
     )  # fmt: skip

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.rig_test import Sensor, load_row
 from sindyjoint.mechanics.structure import Structure, tangent_of
-from sindyjoint.numeric import SAME, Array, solve_factored
+from sindyjoint.numeric import SAME, Array, Complex, solve_factored
 from sindyjoint.substructure import sensed
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
 from sindyjoint.substructure.spectra import by_harmonic
 
-Complex = NDArray[np.complex128]
 Factors = tuple[Array, NDArray[np.int32]]
 
 

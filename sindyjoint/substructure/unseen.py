@@ -12,14 +12,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.limits import SUBSTRUCTURE
-from sindyjoint.numeric import DIFFERENCE, Array, partials, scaled_least_squares
+from sindyjoint.numeric import DIFFERENCE, Array, Booleans, Complex, Integers, partials, scaled_least_squares
 from sindyjoint.states import ForceStates, moving_mask
 
-Complex = NDArray[np.complex128]
 Basis = tuple[Array, Array, Array]  # of angle, rate and moment, shapes (n, u)
 
 
@@ -45,14 +43,14 @@ class Slow:
         does not end as it began. Zero: it is that one.
     """
 
-    orders: NDArray[np.intp]
+    orders: Integers
     amplitudes: Complex
     standard_error: Array
     frequency: float = 0.0
     drift: float = 0.0
     level: float = 0.0
 
-    def basis(self, state: ForceStates, rows: NDArray[np.intp] | slice = slice(None)) -> Basis:
+    def basis(self, state: ForceStates, rows: Integers | slice = slice(None)) -> Basis:
         """Return what each unknown adds to angle, rate and moment: cosines, sines, mean, then ends and mean moment."""
         angular = 2 * np.pi * self.frequency * self.orders
         time = (state.time - state.time[0])[rows]
@@ -106,14 +104,14 @@ class LawRows:
         ∂M/∂θ and ∂M/∂θ̇ of the law.
     residual : tuple of ndarray, each of shape (n,)
         N·m.
-    said : ndarray, shape (unknowns of all runs,)
-        By what the sensors' word of each unknown counts; zero where they say nothing.
+    said : ndarray, shape (terms + unknowns of all runs,)
+        By what the sensors' word of each unknown counts; zero where they say nothing, as of the coefficients.
     weights : ndarray, shape (runs,)
     """
 
     unknowns: tuple[Array, ...]
     coefficients: Array
-    kept: tuple[NDArray[np.intp], ...]
+    kept: tuple[Integers, ...]
     columns: Array
     slopes: tuple[tuple[Array, Array], ...]
     residual: tuple[Array, ...]
@@ -153,7 +151,6 @@ def find_slow(
         for state, rows, basis, values in zip(states, kept, bases, unknowns, strict=True)
     )
     coefficients = np.zeros(len(terms))
-    errors = np.concatenate([each.errors for each in slow])
 
     def linearised() -> Iterator[tuple[Any, ...]]:
         given = zip(states, kept, bases, unknowns, strict=True)
@@ -169,12 +166,13 @@ def find_slow(
     noise = float(np.std(target - columns @ coefficients))
     for _ in range(19):
         own, _, of_unknowns = linearised()
-        said = [noise / each.errors * (each.start - now) for each, now in zip(slow, unknowns, strict=True)]
+        counts = [noise / each.errors for each in slow]
+        words = [n * (each.start - now) for n, each, now in zip(counts, slow, unknowns, strict=True)]
         runs = [
             np.sqrt(w) * np.column_stack(part)
             for w, *part in zip(weights, of_unknowns, own, whole_moments(), strict=True)
         ]
-        coefficients, steps = _solve(runs, [noise / each.errors for each in slow], said)
+        coefficients, steps = _solve(runs, counts, words)
         left = [
             run[:, -1] - run[:, :-1] @ np.append(step, coefficients)
             for run, step in zip(runs, steps, strict=True)
@@ -191,8 +189,9 @@ def find_slow(
     own, slopes, of_unknowns = linearised()
     columns = _stacked(own, of_unknowns, weights)
     residual = [moment - part @ coefficients for moment, part in zip(whole_moments(), own, strict=True)]
+    said = np.concatenate([np.zeros(len(terms)), *(noise / each.errors for each in slow)])
     return LawRows(
-        tuple(unknowns), coefficients, tuple(kept), columns, tuple(slopes), tuple(residual), noise / errors, weights
+        tuple(unknowns), coefficients, tuple(kept), columns, tuple(slopes), tuple(residual), said, weights
     )  # fmt: skip
 
 
@@ -204,7 +203,7 @@ def _begin(
     states: Sequence[ForceStates],
     slow: Sequence[Slow],
     terms: Sequence[ResolvedTerm],
-    kept: Sequence[NDArray[np.intp]],
+    kept: Sequence[Integers],
     bases: Sequence[Basis],
     unknowns: Sequence[Array],
 ) -> list[Array]:
@@ -231,7 +230,7 @@ def _begin(
 
 def _linearised(
     state: ForceStates,
-    rows: NDArray[np.intp],
+    rows: Integers,
     basis: Basis,
     unknowns: Array,
     terms: Sequence[ResolvedTerm],
@@ -311,13 +310,13 @@ def with_slow(state: ForceStates, slow: Slow, values: Array) -> ForceStates:
     return replace(state, angle=angle, rate=rate, moment=moment, replicate=replicate, moving=moving)
 
 
-def within_record(samples: int, sample_rate: float, bandwidth: float) -> NDArray[np.bool_]:
+def within_record(samples: int, sample_rate: float, bandwidth: float) -> Booleans:
     """Return where the series of a record that does not repeat does not ring of its ends, shape (n,)."""
     edge = int(np.ceil(SUBSTRUCTURE.edge * sample_rate / max(bandwidth, 1e-9)))
     place = np.arange(samples)
     return np.asarray((place >= edge) & (place < samples - edge))
 
 
-def _thinned(state: ForceStates) -> NDArray[np.intp]:
+def _thinned(state: ForceStates) -> Integers:
     rows = np.flatnonzero(state.moving)
     return rows[:: max(1, rows.size // 2000)]

@@ -10,13 +10,12 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.evidence import GROUPS, Evidence, Score
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Integers
 from sindyjoint.record import LARGEST
 
 Made = TypeVar("Made")
@@ -96,7 +95,7 @@ class OutputError(Protocol):
         """How far each of these may move."""
 
     @property
-    def groups(self) -> NDArray[np.intp]:
+    def groups(self) -> Integers:
         """Of each residual what is predicted together from the others, shape (rows,)."""
 
     def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
@@ -202,7 +201,7 @@ def covariance_of(jacobian: Array) -> Array:
     return np.asarray(np.linalg.pinv(normal / sizes, hermitian=True) / sizes)
 
 
-def parted(sizes: Sequence[int]) -> NDArray[np.intp]:
+def parted(sizes: Sequence[int]) -> Integers:
     """Return labels of the rows of several pieces, which are cut so that there are enough parts in all."""
     parts = -(-GROUPS // max(len(sizes), 1))
     labels = [place * parts + np.arange(size) * parts // size for place, size in enumerate(sizes) if size]

@@ -15,12 +15,11 @@ from sindyjoint.diagnosis.structure import Fit, fit
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.diagnosis.structure.runs import RunsProblem, channels_of
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.rig_test import UNITS
 from sindyjoint.numeric import Array, analytic, main_frequency
 from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.substructure.simulated import series
 from sindyjoint.substructure.simulated.segments import SegmentedRun
-
-UNITS = {"acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
 
 
 def beside(
@@ -52,7 +51,8 @@ def beside(
     own = own or float("nan")
     old, new = (np.nan if each is None else float(np.linalg.norm(each - truth)) / own for each in simulated)
     return RecordGap(
-        name, time, measured, before, after, sigma, held_from, old, new, noise / own, quantity, UNITS[quantity]
+        name, time, measured, before, after, sigma, held_from, old, new, noise / own, quantity,
+        UNITS[quantity].replace("**2", "²"),
     )  # fmt: skip
 
 

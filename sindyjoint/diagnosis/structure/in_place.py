@@ -206,7 +206,7 @@ def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tup
         for _, angles, rates in motions:
             for place in kind.places:
                 law, d, v = laws[place], angles[place], rates[place]
-                moment = law.moment(d, v, np.sign(v), np.zeros((law.n_states, d.size)))
+                moment = law.moment(d, v, np.sign(v))
                 peaks = np.maximum(peaks, np.abs([d, v, moment]).max(axis=1))
         angle, rate, moment = peaks.tolist()
         own = joint_changes(kind.laws, effects, Reference(angle, rate), moment)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.change import FRICTION, Change, JointLaws, place_of
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -13,7 +12,7 @@ from sindyjoint.diagnosis.structure import differences
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import DIFFERENCE, Array, root_of
+from sindyjoint.numeric import DIFFERENCE, Array, Integers, root_of
 from sindyjoint.response.laws import model_law, physical_numbers
 
 
@@ -38,7 +37,7 @@ class JointKind:
     places: tuple[int, ...]
     model: JointModel
     laws: JointLaws
-    kept: NDArray[np.intp]
+    kept: Integers
     root: Array
 
     @classmethod

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.effects.change import Change
@@ -29,7 +29,7 @@ from sindyjoint.diagnosis.structure import (
 from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.virtual_rig import with_laws
-from sindyjoint.numeric import Array, delayed, main_frequency, noise_by_differences
+from sindyjoint.numeric import Array, Integers, delayed, main_frequency, noise_by_differences
 from sindyjoint.response.output_error import STEP
 
 # Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.
@@ -81,7 +81,7 @@ class PulseProblem(OutputError):
         return sum(count / noise.length for count, noise in zip(counts, self.noise, strict=True))
 
     @property
-    def groups(self) -> NDArray[np.intp]:
+    def groups(self) -> Integers:
         """Of each residual what is predicted together from the others: stretches of the records, and the priors."""
         parts = parted([self.count(record, self.duration) for record in self.records])
         return np.append(parts, np.full(self.priors, parts.max() + 1))

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import kinds_of
@@ -11,7 +10,7 @@ from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, Booleans
 from sindyjoint.states import ForceStates
 from sindyjoint.substructure.recovery import Recovery, held_spectra, stated_numbers, update_structure
 from sindyjoint.substructure.simulated import SteadyRun
@@ -90,7 +89,7 @@ def _joint_motion(recovery: Recovery) -> Array:
     return np.asarray(np.linalg.norm(rates or recovery.run.responses, axis=0))
 
 
-def _moving(recovery: Recovery) -> NDArray[np.bool_]:
+def _moving(recovery: Recovery) -> Booleans:
     """Return in which samples of a run any joint moves, shape (n,)."""
     states = [state.moving for state in _states(recovery)]
     return np.any(states, axis=0) if states else np.zeros(recovery.run.drive.size, dtype=np.bool_)

@@ -36,14 +36,12 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Hinge, Structure
-from sindyjoint.numeric import COARSE_DIFFERENCE, Array
+from sindyjoint.numeric import COARSE_DIFFERENCE, Array, Complex, Integers
 from sindyjoint.substructure.recovery import Update, with_numbers
 from sindyjoint.substructure.simulated import Answer, SteadyRun
 from sindyjoint.substructure.simulated.segment_parts import Channels
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.steady_response import Steady
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +89,7 @@ class RunsProblem(OutputError):
         return float(sum(r.rows for r in self.runs) + sum(r.rows for r in self.records))
 
     @property
-    def groups(self) -> NDArray[np.intp]:
+    def groups(self) -> Integers:
         """Of each residual what is predicted together from the others: runs, the priors, and parts of records."""
         steady = parted([run.rows for run in self.runs])
         steady = np.append(steady, np.full(self._held, len(steady)))

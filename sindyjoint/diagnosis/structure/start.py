@@ -1,8 +1,10 @@
 """What a diagnosis of a pulse test starts from: rig, model, candidates, and records or a virtual test."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from sindyjoint.diagnosis.structure.pulses import PulseProblem, RecordNoise, rec
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, ModelTerm
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics import PaperLaw
+from sindyjoint.mechanics import Law, PaperLaw
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_file import shipped_rigs
 from sindyjoint.mechanics.rigs import PLACEHOLDERS, UNKNOWN, MeasuredResponse, Rig, load_rig
@@ -100,26 +102,19 @@ def hide(rig: Rig, name: str, size: float = 1.0) -> Rig:
         compliance, or friction that gives way over 20 µrad.
     """
     beams = [item for item in rig.items if isinstance(item, Beam)]
-    if name == "nothing":
-        return rig
-    if name == "beam_loss":
-        return with_loss_factor(rig, max(b.loss_factor for b in beams) + 0.004 * size)
-    if name == "lumped_mass":
-        items = tuple(
-            replace(i, mass=i.mass * (1 + 0.04 * size)) if isinstance(i, LumpedMass) else i for i in rig.items
-        )
-        return replace(rig, items=items)
-    if name == "clamp_stiffness":
-        compliance = 0.005 * size * beams[0].length / beams[0].bending_stiffness
-        return replace(rig, clamp_stiffness=1 / (compliance + 1 / rig.clamp_stiffness))
-    if name == "dahl_friction":
-        return with_laws(
-            rig,
-            lambda hinge: (
-                presliding_law(hinge.law, 20e-6 * size) if isinstance(hinge.law, PaperLaw) else hinge.law
-            ),
-        )
-    raise InputError(f"nothing called {name!r} can be hidden; expected one of {', '.join(CHOICES)}")
+    compliance = 0.005 * size * beams[0].length / beams[0].bending_stiffness
+    heavier = [
+        replace(i, mass=i.mass * (1 + 0.04 * size)) if isinstance(i, LumpedMass) else i for i in rig.items
+    ]
+    law: Callable[[Any], Law] = partial(presliding_law, angle=20e-6 * size)
+    changed: dict[str, Callable[[], Rig]] = {
+        "beam_loss": lambda: with_loss_factor(rig, max(b.loss_factor for b in beams) + 0.004 * size),
+        "lumped_mass": lambda: replace(rig, items=tuple(heavier)),
+        "clamp_stiffness": lambda: replace(rig, clamp_stiffness=1 / (compliance + 1 / rig.clamp_stiffness)),
+        "dahl_friction": lambda: with_laws(rig, lambda hinge: law(hinge.law)),
+        "nothing": lambda: rig,
+    }
+    return changed[name]()
 
 
 def open_rig(rig: Rig | str | Path) -> Rig:

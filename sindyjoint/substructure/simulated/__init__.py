@@ -14,11 +14,10 @@ from typing import Any, Self
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array, solve_factored
+from sindyjoint.numeric import Array, Complex, solve_factored
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segment_parts import Channels
 from sindyjoint.substructure.states import lines
@@ -31,8 +30,6 @@ from sindyjoint.substructure.steady_response import (
     condense,
     steady,
 )
-
-Complex = NDArray[np.complex128]
 
 # Harmonics of the balance, at least, or as multiples of the highest one of the drive: with 41 of a sine the twentieth
 # is off by half of itself near a lightly damped mode.

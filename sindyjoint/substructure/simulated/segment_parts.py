@@ -1,7 +1,6 @@
 """What segments of a run are made of: their time step, moves of a state, lines compared or projected out."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +8,7 @@ import scipy
 
 from sindyjoint.errors import InputError
 from sindyjoint.limits import SUBSTRUCTURE
-from sindyjoint.mechanics.rig_test import BASE, RigTest, load_row, sensor_rows
+from sindyjoint.mechanics.rig_test import BASE, RigTest, sensor_rows
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.transient import State
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
@@ -61,13 +60,6 @@ def slow_lines(samples: int, highest: float) -> Array:
 def kept(samples: int) -> int:
     """Return how many coefficients of the cosine transform of a segment lie in the band that is compared."""
     return int(2 * SUBSTRUCTURE.band * samples)
-
-
-def with_drive(test: RigTest, structure: Structure) -> Structure:
-    """Return a structure that has a shaken base as a point."""
-    if test.at != BASE:
-        return structure
-    return replace(structure, points={**structure.points, BASE: load_row(structure, BASE)})
 
 
 def carried(test: RigTest) -> Array:

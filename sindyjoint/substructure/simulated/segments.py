@@ -20,16 +20,23 @@ from typing import Self
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.rig_test import RigTest, with_drive
 from sindyjoint.mechanics.structure import Structure, craig_bampton, projected
 from sindyjoint.mechanics.transient import State, trajectory
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING, REACH, between_samples, recorded
-from sindyjoint.numeric import COARSE_DIFFERENCE, MEDIAN_SQUARE, Array, delayed, noise_by_differences, rms
+from sindyjoint.numeric import (
+    COARSE_DIFFERENCE,
+    MEDIAN_SQUARE,
+    Array,
+    Booleans,
+    delayed,
+    noise_by_differences,
+    rms,
+)
 from sindyjoint.response.output_error import DRAWS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segment_parts import (
@@ -41,7 +48,6 @@ from sindyjoint.substructure.simulated.segment_parts import (
     moves_of,
     pace_of,
     slow_lines,
-    with_drive,
 )
 
 # Periods of the first frequency with joints that stick in a segment.
@@ -140,7 +146,7 @@ class SegmentedRun:
             )
         own = carried(test)
         basis = craig_bampton(
-            with_drive(test, test.structure), [test.at, *(sensor.point for sensor in test.sensors)], MODES
+            with_drive(test.structure, test.at), [test.at, *(sensor.point for sensor in test.sensors)], MODES
         ).basis
         assert basis is not None
         return cls(
@@ -175,7 +181,7 @@ class SegmentedRun:
     def reduced(self, structure: Structure, laws: Sequence[Law]) -> Structure:
         """Return the structure that is simulated, with laws in its joints."""
         hinges = tuple(replace(h, law=law) for h, law in zip(structure.hinges, laws, strict=True))
-        return projected(with_drive(self.test, replace(structure, hinges=hinges)), self.basis)
+        return projected(with_drive(replace(structure, hinges=hinges), self.test.at), self.basis)
 
     def with_drive_noise(self, generator: np.random.Generator) -> Self:
         """Return the run with noise on the drive as much as there is, besides what is projected out."""
@@ -189,7 +195,7 @@ class SegmentedRun:
         sizes = [-rms(motion[a:b]) for a, b in self.spans]
         return replace(self, spans=tuple(self.spans[i] for i in sorted(np.argsort(sizes)[:count])))
 
-    def where(self, moving: NDArray[np.bool_]) -> Self:
+    def where(self, moving: Booleans) -> Self:
         """Return the run with the segments in which joints move, of as many samples."""
         return replace(self, spans=tuple((a, b) for a, b in self.spans if moving[a:b].any()))
 

@@ -15,7 +15,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import has_seen, range_warnings
 from sindyjoint.errors import InputError
 from sindyjoint.limits import SUBSTRUCTURE
-from sindyjoint.mechanics.rig_test import RigRun, RigTest
+from sindyjoint.mechanics.rig_test import UNITS, RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
 from sindyjoint.numeric import Array, rms
@@ -36,8 +36,6 @@ from sindyjoint.substructure.recovery import Recovery, declared_noise, recover
 from sindyjoint.substructure.simulated import SteadyRun, series
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.spectra import channel_spectra
-
-UNITS = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,5 +222,5 @@ def _entries(
             amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
             mean_period_difference=None if gap is None else gap.mean_period_difference,
             oscillations=oscillations, energy=None, failure=failure, scale=scale, rmse=error,
-            rmse_unit=UNITS[sensor.quantity],
+            rmse_unit=UNITS[sensor.quantity].replace("**", "^"),
         )  # fmt: skip
