@@ -17,7 +17,7 @@ __getattr__ = fetched(
         "result": "Advice Gap Step",
         "structure.gap": "regions_of",
         "structure.pulses": "record_noise",
-        "structure.records": "runs_problem",
+        "structure.in_place": "runs_problem",
         "structure.start": "hide",
         "verdict": "Gaps Residual discount grows judge reported_together share_beyond_noise with_falling_gaps",
     },

@@ -9,7 +9,7 @@ import numpy as np
 
 from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.diagnosis.structure import Fit, fit
-from sindyjoint.diagnosis.structure.records import runs_problem
+from sindyjoint.diagnosis.structure.in_place import runs_problem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.headlines import MOST_STEPS

@@ -268,16 +268,14 @@ def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
         return value
 
     if part.joint is not None:
-        assert part.law is not None
         if part.law not in laws:
             raise UnknownNameError(
                 f"{where} law: joint {part.law!r} is not known; expected one of {', '.join(laws)}, "
                 "or a model given as 'model'"
             )
-        return Hinge(part.joint, laws[part.law], number("value", "kg"), number("inertia", "kg*m**2"))
+        return Hinge(part.joint, laws[str(part.law)], number("value", "kg"), number("inertia", "kg*m**2"))
     if part.mass is not None:
         return LumpedMass(part.mass, number("value", "kg"), number("inertia", "kg*m**2"))
-    assert part.beam is not None
     if part.section is None:
         stiffness, mass = number("bending_stiffness", "N*m**2"), number("mass_per_length", "kg/m")
     else:
@@ -294,16 +292,15 @@ def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
             for name, value in values.items()
         )
         stiffness, mass = rectangular_section(**values)
-    return Beam(part.beam, number("length", "m"), stiffness, mass, part.elements, part.loss_factor)
+    return Beam(str(part.beam), number("length", "m"), stiffness, mass, part.elements, part.loss_factor)
 
 
 def build_excitation(given: PulseTable, path: Path) -> Excitation:
     """Return the force of a pulse, N; a measured one follows straight lines between samples."""
     where = f"{path}: [pulse]"
     if given.shape is not None:
-        assert isinstance(given.force, str) and given.duration is not None
-        duration = parse_quantity(given.duration, "s", f"{where} duration")
-        return pulse(parse_quantity(given.force, "N", f"{where} force"), duration, given.shape)
+        duration = parse_quantity(str(given.duration), "s", f"{where} duration")
+        return pulse(parse_quantity(str(given.force), "N", f"{where} force"), duration, given.shape)
     assert given.file is not None and given.time is not None and isinstance(given.force, ColumnTable)
     values, rate = _read_series(path.parent / given.file, given.time, "force", given.force, "N")
     return sampled(np.append(values, 0.0), rate, "linear")

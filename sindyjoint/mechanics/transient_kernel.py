@@ -143,6 +143,27 @@ def _invert_moving(matrix, n, joints, direction):
 
 
 @inner
+def _pushed(n, system, force, h, q, v, right):
+    """Fill b·f − C·v − K·(q + h/2·v)."""
+    _, _, _, damping, stiffness, load = system
+    for i in range(n):
+        total = force * load[i]
+        for k in range(n):
+            total -= damping[i * n + k] * v[k] + stiffness[i * n + k] * (q[k] + 0.5 * h * v[k])
+        right[i] = total
+
+
+@inner
+def _applied(n, matrix, vector, answer):
+    """Fill the product of a matrix and a vector."""
+    for i in range(n):
+        total = 0.0
+        for k in range(n):
+            total += matrix[i * n + k] * vector[k]
+        answer[i] = total
+
+
+@inner
 def _law_of(j, laws):
     """Address, parameters and number of states of joint j."""
     addresses, parameters, width, counts = laws
@@ -181,23 +202,15 @@ def step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, ro
     standstill with its states at zero) and on the remainder.
     """
     n, joints, most = sizes
-    inverse, _, _, damping, stiffness, load = system
+    inverse = system[0]
     right, a = room, shifted(room, n)
     moment, slope, trial = shifted(a, n), shifted(a, n + joints), shifted(a, n + 2 * joints)
     residual, before, change = shifted(trial, joints), shifted(trial, 2 * joints), shifted(trial, 3 * joints)
     jacobian, z_mid = shifted(change, joints), shifted(change, joints + joints * joints)
     keep = shifted(z_mid, joints * most)
     zeros, out = shifted(keep, most), shifted(keep, 2 * most)
-    for i in range(n):
-        total = force * load[i]
-        for k in range(n):
-            total -= damping[i * n + k] * v[k] + stiffness[i * n + k] * (q[k] + 0.5 * h * v[k])
-        right[i] = total
-    for i in range(n):
-        total = 0.0
-        for k in range(n):
-            total += inverse[i * n + k] * right[k]
-        a[i] = total
+    _pushed(n, system, force, h, q, v, right)
+    _applied(n, inverse, right, a)
     for j in range(joints):
         trial[j] = before[j] = a[j]
         slope[j] = change[j] = 0.0
@@ -274,13 +287,10 @@ def holding_moments(sticks, sizes, system, laws, direction, force, q, v, z, mome
     prepared.
     """
     n, joints, most = sizes
-    _, inverse_mass, mass, damping, stiffness, load = system
+    _, inverse_mass, mass, _, _, _ = system
     right, a, out = room, shifted(room, n), shifted(room, 2 * n)
-    for i in range(n if sticks else 0):
-        total = force * load[i]
-        for k in range(n):
-            total -= damping[i * n + k] * v[k] + stiffness[i * n + k] * q[k]
-        right[i] = total
+    if sticks:
+        _pushed(n, system, force, 0.0, q, v, right)
     for j in range(joints):
         row, answer = shifted(z, j * most), shifted(moments, 3 * j)
         address, p, _ = _law_of(j, laws)
@@ -295,11 +305,7 @@ def holding_moments(sticks, sizes, system, laws, direction, force, q, v, z, mome
                 right[j] -= out[0]
     if not sticks:
         return
-    for i in range(n):
-        total = 0.0
-        for k in range(n):
-            total += inverse_mass[i * n + k] * right[k]
-        a[i] = total
+    _applied(n, inverse_mass, right, a)
     for j in range(joints):
         if direction[j] == 0.0:
             total = right[j]

@@ -1,11 +1,9 @@
 """Parameters and runs of the output-error problem: how far each may move, what drives a run, what is compared."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +36,26 @@ from sindyjoint.response.run import (
 from sindyjoint.states import ForceStates, HarmonicBasis, smoothing_kernels
 
 
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the problem.
+
+    Parameters
+    ----------
+    name : str
+    kind : {"coefficient", "element", "nuisance", "initial"}
+    start, scale, low, high : float
+        In the parameter's unit.
+    """
+
+    name: str
+    kind: str
+    start: float
+    scale: float
+    low: float
+    high: float
+
+
 @dataclass(frozen=True, eq=False)
 class Cycle:
     """How the compared samples of a run that repeats are read off one simulated period.
@@ -60,7 +78,7 @@ class Cycle:
     share: Array
 
     @classmethod
-    def of(cls, states: ForceStates, skip: int) -> Cycle:
+    def of(cls, states: ForceStates, skip: int) -> Self:
         """Return the cycle of periodic states, compared from sample ``skip`` on."""
         per = states.sample_rate / states.fundamental
         nodes = round(per)
@@ -168,7 +186,7 @@ class Record:
         ends = [*self.starts[1:], self.moment.size]
         return slice(max(self.starts[start] - self.skip, 0), max(ends[start] - self.skip, 0))
 
-    def with_drive_noise(self, generator: np.random.Generator, model: JointModel) -> Record:
+    def with_drive_noise(self, generator: np.random.Generator, model: JointModel) -> Self:
         """Return the record with another noise draw on the channel that drives: the moment, or the motion."""
         if self.drive == "motion":
             states = noisy_motion(self.states, generator)
@@ -318,26 +336,6 @@ Nuisance = Literal["delay", "gain", "offset"]
 
 # What a nuisance parameter starts at, and its unit as it is written.
 NUISANCE: dict[Nuisance, tuple[float, str]] = {"delay": (0.0, " s"), "gain": (1.0, ""), "offset": (0.0, "")}
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of the problem.
-
-    Parameters
-    ----------
-    name : str
-    kind : {"coefficient", "element", "nuisance", "initial"}
-    start, scale, low, high : float
-        In the parameter's unit.
-    """
-
-    name: str
-    kind: str
-    start: float
-    scale: float
-    low: float
-    high: float
 
 
 def coefficient(model: JointModel, name: str, moment: float) -> Parameter:

@@ -133,26 +133,19 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
 
 def _compare_run(simulated: SimulatedRun, campaign: Campaign, run: Run, band: Band | None) -> RunVerification:
     q = quantities(campaign.joint.motion)
-    names = q.moment.lower(), q.angle.lower()
-    by_motion = simulated.channel == "moment"
     rmse_unit, size = _unit_of(run, simulated.channel, q)
     response = simulated.simulated_response
     measured = simulated.measured_response
-    frequency = simulated.frequency
     along = simulated.states.method == "path"
-    oscillations = (
-        (None, None)
-        if along
-        else (
-            oscillation(measured, simulated.sample_rate, frequency),
-            None if response is None else oscillation(response, simulated.sample_rate, frequency),
-        )
+    first, second = (
+        None if along or each is None else oscillation(each, simulated.sample_rate, simulated.frequency)
+        for each in (measured, response)
     )
-    gap = compare_oscillations(*oscillations) if _has_cycles(simulated) else None
+    gap = compare_oscillations(first, second) if _has_cycles(simulated) else None
     return RunVerification(
         name=simulated.run,
-        channel=names[0] if by_motion else names[1],
-        drive="path" if simulated.states.method == "path" else simulated.drive,
+        channel=(q.moment if simulated.channel == "moment" else q.angle).lower(),
+        drive="path" if along else simulated.drive,
         time=simulated.time,
         measured=measured,
         simulated=response,
@@ -162,7 +155,7 @@ def _compare_run(simulated: SimulatedRun, campaign: Campaign, run: Run, band: Ba
         noise_floor=finite(simulated.response_floor),
         amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
         mean_period_difference=None if gap is None else gap.mean_period_difference,
-        oscillations=oscillations,
+        oscillations=(first, second),
         energy=cycle_energy(simulated),
         failure=simulated.failure,
         scale=simulated.response_scale,

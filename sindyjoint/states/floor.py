@@ -313,9 +313,7 @@ def scatter_of(found: Iterable[Pair]) -> float | None:
     if not pairs:
         return None
     motion, moment = map(np.concatenate, zip(*pairs, strict=True))
-    scale = np.maximum(np.sqrt(np.mean(motion**2, axis=0)), 1e-300)
-    coefficients = np.linalg.lstsq(motion / scale, moment, rcond=None)[0]
-    left = moment - motion / scale @ coefficients
+    left = moment - motion @ scaled_least_squares(motion, moment)
     return float(np.sqrt(0.5 * np.sum(left**2) / max(left.size - motion.shape[1], 1)))
 
 

@@ -1,7 +1,5 @@
 """Force states of a steady periodic run: harmonics of the excitation frequency, differentiated exactly."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,10 +1,8 @@
 """Stiffness and loss of a joint over amplitude: its loop under a harmonic motion, in the steady state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import scipy
@@ -103,16 +101,16 @@ class JointCurve:
     tested: Booleans
 
     @property
-    def low(self) -> JointCurve:
+    def low(self) -> Self:
         """The lower ends of the 95 % intervals of the measures."""
         return self._ends(0)
 
     @property
-    def high(self) -> JointCurve:
+    def high(self) -> Self:
         """The upper ends of the 95 % intervals of the measures."""
         return self._ends(1)
 
-    def _ends(self, side: int) -> JointCurve:
+    def _ends(self, side: int) -> Self:
         ends: dict[str, Any] = {name: self.interval95(name)[side] for name in MEASURES}
         return replace(self, **ends)
 
@@ -200,7 +198,7 @@ class Varied:
     covariance: Array
 
     @classmethod
-    def of(cls, laws: Sequence[Any], models: Sequence[JointModel | None]) -> Varied | None:
+    def of(cls, laws: Sequence[Any], models: Sequence[JointModel | None]) -> Self | None:
         """Return the variations of joints by their models, one model for joints that share it; None without any.
 
         Parameters

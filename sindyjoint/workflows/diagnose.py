@@ -330,8 +330,7 @@ def diagnose_rig(
     >>> found.settled
     True
     """
-    from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis
-    from sindyjoint.diagnosis.structure.records import divide_runs, runs_problem
+    from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis, divide_runs, runs_problem
     from sindyjoint.judgement.rig_discovery import described
     from sindyjoint.mechanics.rig_test_file import load_rig_test
 

@@ -6,12 +6,10 @@ uncertain numbers under the priors that its file states (as the runs whose joint
 numbers of effects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -340,7 +338,7 @@ class RunsProblem(OutputError):
         own = self._root @ covariance[: self.numbers, : self.numbers] @ self._root.T
         return replace(self.prior, change=self.changes(x), covariance=own) if self.numbers else None
 
-    def near(self, x: Array) -> RunsProblem:
+    def near(self, x: Array) -> Self:
         """Return the problem whose motions are those at some numbers moved to first order: quick, for a first look.
 
         Segments have no such motions: with them it is the problem itself.
@@ -350,7 +348,7 @@ class RunsProblem(OutputError):
             return self
         return replace(self, near_to=tuple(answer for answer, _ in answers), _kept={})
 
-    def whitened(self, x: Array, extra: Change | None = None) -> RunsProblem:
+    def whitened(self, x: Array, extra: Change | None = None) -> Self:
         """Return the problem with residuals weighed at some numbers, and motions and states sought near those there.
 
         Raises
