@@ -64,8 +64,8 @@ def fuse(
     noise = max(declared.acceleration or rough_noise(acceleration), least)
     fusion = Fusion(acceleration, angle, rate, noise)
     if rate is not None:
-        of_rate = max(declared.rate or rough_noise(rate), LEAST_NOISE * float(np.std(rate)))
-        fusion = replace(fusion, rate_noise=of_rate)
+        floor = LEAST_NOISE * float(np.std(rate))
+        fusion = replace(fusion, rate_noise=max(declared.rate or rough_noise(rate), floor))
     if angle is None:
         prior = moving_size(acceleration, sample_rate, noise, frequency)
         # Motion that repeats is as dense at its lines as white noise of so many times its size: less draws its
@@ -91,9 +91,7 @@ def _mean_of(found: Array, fusion: Fusion, sample_rate: float, frequency: float 
     """Return an angle, without what moves slower than an excitation where its mean is not known, and whether it is."""
     # Drift, and motion below the excitation, as a share of the angle's RMS, beyond which its mean is not known.
     least = 0.02 * float(np.std(found))
-    known = fusion.mean_known
-    if fusion.angle is not None:
-        known = fusion.drift * np.sqrt(found.size / 6) <= least
+    known = fusion.angle is not None and fusion.drift * np.sqrt(found.size / 6) <= least
     if frequency is None:
         return found, known
     slow = averaged(found, sample_rate / frequency)
@@ -221,9 +219,7 @@ def slow_correction(path: Array, step: float, fusion: Fusion) -> Array:
     """
     n, noise, rate, drift = path.size, fusion.noise, fusion.rate, fusion.drift
     size = min(fusion.angle_noise, fusion.prior)
-    alike = np.sqrt(noise / size)
-    if np.isfinite(fusion.rate_noise):
-        alike = max(alike, noise / fusion.rate_noise)
+    alike = max(np.sqrt(noise / size), noise / fusion.rate_noise)
     # Of the slow correction, radians of the frequency at which the sensors weigh alike, per step of its grid.
     each = int(np.clip(0.03 / (alike * step), 1, max(1, n // 16)))
     edges = np.linspace(0, n, n // each + 1).astype(int)

@@ -293,21 +293,20 @@ def uncertain_numbers(
         The same of the clamp's stiffness.
     """
     whole = assemble(items, clamp_stiffness)
-    found = []
-
-    def add(name: str, uncertainty: float, other: Structure) -> None:
-        matrices = (getattr(other, kind) - getattr(whole, kind) for kind in ("mass", "stiffness", "loss"))
-        found.append(UncertainNumber(name, uncertainty, *matrices))
-
-    if of_clamp:
-        add("stiffness of the clamp", of_clamp, assemble(items, 2 * clamp_stiffness))
+    stiffer = [assemble(items, 2 * clamp_stiffness)] if of_clamp else []
+    doubled = [("stiffness of the clamp", of_clamp, structure) for structure in stiffer]
     for index, item in enumerate(items):
         for what, uncertainty in stated.get(item.name, {}).items():
             names = OF_BEAM[what] if isinstance(item, Beam) else OF_MASS[what]
-            doubled = replace(item, **{name: 2 * getattr(item, name) for name in names})
-            other = assemble([*items[:index], doubled, *items[index + 1 :]], clamp_stiffness)
-            add(f"{what} of {item.name}", uncertainty, other)
-    return tuple(found)
+            twice = replace(item, **{name: 2 * getattr(item, name) for name in names})
+            other = assemble([*items[:index], twice, *items[index + 1 :]], clamp_stiffness)
+            doubled.append((f"{what} of {item.name}", uncertainty, other))
+    return tuple(
+        UncertainNumber(
+            name, u, other.mass - whole.mass, other.stiffness - whole.stiffness, other.loss - whole.loss
+        )
+        for name, u, other in doubled
+    )
 
 
 def write_rig_test(

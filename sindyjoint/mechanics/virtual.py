@@ -42,12 +42,9 @@ def named_joint(joint: str | Law) -> Law:
     UnknownNameError
         For an unknown name.
     """
-    if not isinstance(joint, str):
-        return joint
-    try:
-        return JOINTS[joint]
-    except KeyError:
-        raise UnknownNameError(f"joint {joint!r} is not known; expected one of {', '.join(JOINTS)}") from None
+    if isinstance(joint, str) and joint not in JOINTS:
+        raise UnknownNameError(f"joint {joint!r} is not known; expected one of {', '.join(JOINTS)}")
+    return JOINTS[joint] if isinstance(joint, str) else joint
 
 
 @dataclass(frozen=True)

@@ -145,13 +145,10 @@ def corrected(test: TestNuisances, campaign: Campaign) -> Campaign:
 
 
 def _corrected_run(test: TestNuisances, run: Run) -> Run:
-    drift = test.drift.channel if test.drift else ""
-    ramp = test.drift.slopes.get(run.name, 0.0) * run.time if test.drift else 0.0
-    moment, angle = run.moment, run.angle - test.total("angle zero") - test.total("angle drift") * run.time
-    if drift == "moment_drift":
-        moment = moment - ramp
-    elif drift == "angle_drift":
-        angle = angle - ramp
+    drift = {test.drift.channel: test.drift.slopes.get(run.name, 0.0)} if test.drift else {}
+    moment = run.moment - drift.get("moment_drift", 0.0) * run.time
+    angle = run.angle - test.total("angle zero") - test.total("angle drift") * run.time
+    angle = angle - drift.get("angle_drift", 0.0) * run.time
     moment, angle, gain = moment / test.gain("moment"), angle / test.gain("angle"), test.gain("angle")
     if np.any(angle != run.angle) or np.any(moment != run.moment):
         run = replace(run, angle=angle, moment=moment, rate=None if run.rate is None else run.rate / gain)

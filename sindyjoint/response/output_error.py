@@ -97,6 +97,11 @@ class OutputError:
         ]
         return {name: why for name, why in tried if why}
 
+    @property
+    def goes_on_alone(self) -> bool:
+        """Whether all runs are free motions, simulated from their start."""
+        return all(r.starts == (0,) and r.drive == "moment" and np.ptp(r.moment) == 0 for r in self.runs)
+
     @cached_property
     def table(self) -> Array:
         """Start, scale, lowest and highest value of all parameters, shape (4, p)."""

@@ -172,11 +172,6 @@ class Record:
         return followed_motion(self.states)
 
     @property
-    def goes_on_alone(self) -> bool:
-        """Whether the run is a free motion, simulated from its start."""
-        return self.starts == (0,) and self.drive == "moment" and np.ptp(self.moment) == 0
-
-    @property
     def initial_indices(self) -> range:
         """Indices of its initial states among the parameters."""
         return range(self.initial, self.initial + 2 * len(self.starts))

@@ -151,7 +151,7 @@ def refine(
     if progress is not None:
         progress("fitting the simulated response")
     starts = [start, *(problem.start_of(other) for other in spread_starts(problem.model, states))]
-    if all(record.goes_on_alone for record in problem.runs):
+    if problem.goes_on_alone:
         starts.insert(0, _grown(problem, pairs, problem_of))
     refined = _summarise_refinement(model, problem, _best_end(problem, starts), before, left_out)
     # An error of a channel is of all runs: where one is estimated, those kept out are not comparable without it.
@@ -323,14 +323,10 @@ def _update_residual(
     model: JointModel, states: Sequence[ForceStates], test: TestNuisances | None
 ) -> JointModel:
     """Return the model with the residual of the moment under its new numbers."""
-    squares, count = 0.0, 0
-    for state in states:
-        moment, _ = along_motion(
-            law_of_test(test or TestNuisances(""), model, state), state, state.sample_rate
-        )
-        residual = (state.moment - moment)[state.moving]
-        squares, count = squares + float(residual @ residual), count + residual.size
-    return replace(model, fitted=replace(model.fitted, residual_rms=float(np.sqrt(squares / max(count, 1)))))
+    test = test or TestNuisances("")
+    moments = [along_motion(law_of_test(test, model, s), s, s.sample_rate)[0] for s in states]
+    residuals = [(s.moment - moment)[s.moving] for s, moment in zip(states, moments, strict=True)]
+    return replace(model, fitted=replace(model.fitted, residual_rms=rms(np.concatenate(residuals))))
 
 
 def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) -> tuple[str, ...]:
@@ -356,15 +352,12 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
         seen = RESPONSE.reach / (1 if single else RESPONSE.many_times)
         if size <= seen or not (single or entangled[order[1]]):
             continue
-        if single:
-            sentences.append(
-                f"{named[0]} is not determined by these runs: its standard error is {100 * size:.0f} % of it"
-            )
-        else:
-            sentences.append(
-                f"{', '.join(named[:-1])} and {named[-1]} are not determined one by one: they can change together, by "
-                f"{100 * size:.0f} % of their sizes, without a visible change of the response"
-            )
+        sentences.append(
+            f"{named[0]} is not determined by these runs: its standard error is {100 * size:.0f} % of it"
+            if single
+            else f"{', '.join(named[:-1])} and {named[-1]} are not determined one by one: they can change together, by "
+            f"{100 * size:.0f} % of their sizes, without a visible change of the response"
+        )
     return tuple(sentences)
 
 
@@ -380,10 +373,8 @@ def spread_starts(model: JointModel, states: Sequence[ForceStates]) -> list[Join
     for turn in (1, -1) if inner else ():
         signs = {key: turn * (-1) ** place for place, key in enumerate(inner)}
         elements = [_spread(each, i, signs) for i, each in enumerate(model.elements)]
-        start = _fitted(model, elements, states)
-        if start is not None:
-            starts.append(start)
-    return starts
+        starts.append(_fitted(model, elements, states))
+    return [start for start in starts if start is not None]
 
 
 def _spread(element: JointElement, index: int, signs: dict[tuple[int, str], int]) -> JointElement:

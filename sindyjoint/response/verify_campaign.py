@@ -75,9 +75,8 @@ def verify_campaign(
         if free_run is not None and simulated.drive == "motion":
             why = "its motion was its drive, or the joint has no inertia: the moment of the measured motion is compared"
             warnings.append(f"{run.name}: {in_words_of(campaign.joint.motion, why)}")
-        band = None
-        if drawn and simulated.simulated_response is not None:
-            band = band_of([simulate(other, band=True).simulated_response for other in drawn])
+        others = [] if simulated.simulated_response is None else drawn
+        band = band_of([simulate(other, band=True).simulated_response for other in others])
         results.append(replace(_compare_run(simulated, campaign, run, band), seen=seen[run.name]))
     result = judged(model, "campaign", campaign.joint.name, settings.tolerance, results, warnings)
     return replace(result, free_run=free_run, beyond_range=tuple(beyond))

@@ -48,14 +48,13 @@ def verify_rig(
 
     say("simulating the rig")
     simulated, failure = attempted(response, model_law(model))
-    band, exceeded = None, list[str]()
-    if simulated is not None:
-        exceeded = joint_range_warnings(model, simulated, modelled)
-        if settings.draws:
-            say(f"simulating {settings.draws} sets of coefficients")
-        drawn = [attempted(response, model_law(draw))[0] for draw in settings.drawn(model)]
-        shown = slice(test.displacement.size)
-        band = band_of([None if each is None else each.displacement[test.point][shown] for each in drawn])
+    exceeded = [] if simulated is None else joint_range_warnings(model, simulated, modelled)
+    if simulated is not None and settings.draws:
+        say(f"simulating {settings.draws} sets of coefficients")
+    draws = [] if simulated is None else settings.drawn(model)
+    drawn = [attempted(response, model_law(draw))[0] for draw in draws]
+    shown = slice(test.displacement.size)
+    band = band_of([None if each is None else each.displacement[test.point][shown] for each in drawn])
     compared = _compare_pulse(rig, test, simulated, band, failure)
     result = judged(model, "rig", rig.name, settings.tolerance, [compared], [*warnings, *exceeded])
     return replace(result, beyond_range=tuple(line.partition(":")[0] for line in exceeded))
@@ -133,14 +132,13 @@ def find_model_joints(rig: Rig, model: JointModel) -> set[str]:
 def _provide_pulse_test(
     rig: Rig, truth: dict[str, float], generator: np.random.Generator
 ) -> MeasuredResponse:
-    measured = rig.measured
-    if measured is not None:
-        if truth:
-            raise InputError(
-                f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig {rig.name!r} names a measured response"
-            )
-        return measured
-    return virtual_pulse_test(rig, rng=generator, **truth)
+    if rig.measured is None:
+        return virtual_pulse_test(rig, rng=generator, **truth)
+    if truth:
+        raise InputError(
+            f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig {rig.name!r} names a measured response"
+        )
+    return rig.measured
 
 
 def _compare_pulse(

@@ -339,28 +339,25 @@ def left_held(test: RigTest, spectra: Spectra, angular: Array) -> Complex:
 
 def held_warnings(test: RigTest, held: Sequence[Spectra]) -> tuple[str, ...]:
     """Say of which runs a structure whose joints stick explains the sensors less well than to their noise."""
-    words = []
-    for run, spectra in zip(test.update_runs, held, strict=True):
-        left = left_held(test, spectra, spectra.angular)
-        # Of each harmonic the drive is eliminated.
-        misfit = float(np.sum(np.abs(left) ** 2)) / (2 * len(left) * len(test.sensors))
-        if misfit > SUBSTRUCTURE.contradicts:
-            words.append(
-                f"run {run.name!r} updates the structure, and with joints that stick its sensors are "
-                f"{np.sqrt(misfit):.1f} times their noise off: the joints slip in it; drive it less"
-            )
-    return tuple(words)
+    left = [left_held(test, spectra, spectra.angular) for spectra in held]
+    # Of each harmonic the drive is eliminated.
+    misfits = [float(np.sum(np.abs(each) ** 2)) / (2 * len(each) * len(test.sensors)) for each in left]
+    return tuple(
+        f"run {run.name!r} updates the structure, and with joints that stick its sensors are "
+        f"{np.sqrt(misfit):.1f} times their noise off: the joints slip in it; drive it less"
+        for run, misfit in zip(test.update_runs, misfits, strict=True)
+        if misfit > SUBSTRUCTURE.contradicts
+    )
 
 
 def unsettled_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
     """Say which runs should repeat and do not, for the structure still vibrates freely."""
     names = [repr(e.run.name) for e in recoveries if e.run.frequency is not None and not e.spectra.repeats]
-    if not names:
-        return ()
-    return (
+    words = (
         f"{list_some(names, 'runs')}: the structure still vibrates freely, so each is taken as a record that does not "
-        "repeat; settle longer before recording",
+        "repeat; settle longer before recording"
     )
+    return (words,) if names else ()
 
 
 def stated_numbers(test: RigTest) -> Update:

@@ -294,21 +294,18 @@ def channel_spectra(run: RigRun, declared: Array | float = np.nan, bandwidth: fl
     # Between harmonics lie as many lines of noise as there are periods, less one. Fifty estimate that of a harmonic: of
     # nine, weights that follow their scatter make standard errors a tenth too small.
     neighbours = int(np.ceil(50 / max(1, periods - 1)))
-    steady, noise = signals[:, first:stop], []
+    steady = signals[:, first:stop]
     means, cosine, sine = basis.fit_all(steady)
-    for number, signal in enumerate(steady):
-        residual = signal - basis.series(means[number], cosine[number], sine[number])
-        found = local_noise(residual, run.sample_rate, basis.angular / (2 * np.pi), 0.5 * frequency)
-        noise.append(scipy.ndimage.uniform_filter1d(found, neighbours, mode="nearest"))
-    known = np.fmax(noise, np.square(declared)[..., None])
+    residuals = [s - basis.series(*fitted) for s, *fitted in zip(steady, means, cosine, sine, strict=True)]
+    at, half = basis.angular / (2 * np.pi), 0.5 * frequency
+    noise = [local_noise(residual, run.sample_rate, at, half) for residual in residuals]
+    smooth = scipy.ndimage.uniform_filter1d(noise, neighbours, mode="nearest")
+    known = np.fmax(smooth, np.square(declared)[..., None])
     variance = 2 * np.maximum(known, _rounding(steady)[:, None] ** 2) / time.size
-    parts = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
-        _, a, b = basis.rows(slice(low, high)).fit_all(steady[:, low:high])
-        parts.append(a - 1j * b)
-    return Spectra(
-        frequency, first, edges, means, cosine - 1j * sine, np.array(parts), variance
-    )  # fmt: skip
+    blocks = [slice(low, high) for low, high in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [basis.rows(block).fit_all(steady[:, block]) for block in blocks]
+    of_blocks = np.array([a - 1j * b for _, a, b in parts])
+    return Spectra(frequency, first, edges, means, cosine - 1j * sine, of_blocks, variance)
 
 
 def _rounding(signals: Array) -> Array:

@@ -301,9 +301,8 @@ def run_weights(states: Sequence[ForceStates]) -> Array:
 def with_slow(state: ForceStates, slow: Slow, values: Array) -> ForceStates:
     """Return force states with the slow part of their angle, moving where they do with it, too."""
     angle, rate, moment = (basis @ values for basis in slow.basis(state))
-    replicate = state.replicate
-    if replicate is not None:
-        replicate = (replicate[0] + angle, replicate[1] + rate, replicate[2])  # of a run that repeats
+    of_blocks = state.replicate
+    replicate = of_blocks and (of_blocks[0] + angle, of_blocks[1] + rate, of_blocks[2])
     rate = state.rate + rate
     moving = state.moving & moving_mask(rate, state.slowest, state.guard)
     angle, moment = state.angle + angle, state.moment + moment

@@ -259,19 +259,21 @@ class RunsDiagnosis(StructureProblem):
             kind.name: with_slopes(partial(assembled, kind), x, high, covariance) for kind in problem.kinds
         }
         lead = changed[0] if changed else problem.kinds[0].name
-        notes = [SIMULATED] if problem.test.simulated else []
-        if problem.records:
-            count = sum(len(record.spans) for record in problem.records)
-            notes.append(
-                f"of runs that do not repeat {count} segments are compared, in which the joints move most"
-            )
-        if not self.kept:
-            notes.append(
-                "no run was kept out of the fit: the gaps are those of the fitted runs; mark one use = 'validate'"
-            )
+        count = sum(len(record.spans) for record in problem.records)
+        said = [
+            (problem.test.simulated, SIMULATED),
+            (
+                problem.records,
+                f"of runs that do not repeat {count} segments are compared, in which the joints move most",
+            ),
+            (
+                not self.kept,
+                "no run was kept out of the fit: the gaps are those of the fitted runs; mark one use = 'validate'",
+            ),
+        ]
         return Diagnosis(
             **found,
-            warnings=(*notes, *self.beyond),
+            warnings=(*(words for so, words in said if so), *self.beyond),
             model=models[lead],
             whole=models[lead],
             source="structure",

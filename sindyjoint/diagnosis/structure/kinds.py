@@ -132,15 +132,12 @@ def assemble_model(
     numbers: Mapping[str, float], laws: JointLaws, after: JointModel, changes: Sequence[Change]
 ) -> JointModel:
     """Return the whole model of a law's numbers with what changes have added; its errors are not yet known."""
-    additions = [(change, laws.additions.get(change.way)) for change in changes]
-    replacing = [each for _, each in additions if each is not None and each.replaces]
-    terms, elements = [], list(after.elements)
-    for term in after.terms:
-        if not (term.id == FRICTION and replacing):
-            terms.append(replace(term, coefficient=numbers.get(place_of(term.id), term.coefficient)))
+    additions = [(change, laws.additions[change.way]) for change in changes if change.way in laws.additions]
+    replacing = [each for _, each in additions if each.replaces]
+    kept = [term for term in after.terms if not (term.id == FRICTION and replacing)]
+    terms = [replace(t, coefficient=numbers.get(place_of(t.id), t.coefficient)) for t in kept]
+    elements = list(after.elements)
     for change, addition in additions:
-        if addition is None:
-            continue
         names = [f"c{k}" for k in range(len(addition.variant.columns))]
         coefficients = [numbers.get(addition.name(name), 0.0) for name in names]
         if addition.replaces:

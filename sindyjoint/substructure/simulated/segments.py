@@ -216,11 +216,10 @@ class SegmentedRun:
         and Zeger, Biometrika 73(1), 1986).
         """
         ends = np.cumsum([self.segment_rows(*span) for span in self.spans])[:-1]
-        scores = []
-        for part in np.split(jacobian * residual[:, None], ends):
-            by_line = part.reshape(len(self.sigma), -1, part.shape[1]).sum(axis=0)
-            scores.append(np.add.reduceat(by_line, np.arange(0, len(by_line), LINES)))
-        return np.asarray(np.vstack(scores).T @ np.vstack(scores))
+        parts = np.split(jacobian * residual[:, None], ends)
+        by_line = [part.reshape(len(self.sigma), -1, part.shape[1]).sum(axis=0) for part in parts]
+        scores = np.vstack([np.add.reduceat(part, np.arange(0, len(part), LINES)) for part in by_line])
+        return np.asarray(scores.T @ scores)
 
     def motions(
         self, reduced: Structure, channels: Channels = RECORDED
@@ -244,11 +243,10 @@ class SegmentedRun:
         A record that does not repeat shows its noise badly, and what a model lacks lies below: the median of the
         squares there is that of white noise, 0.4549 of its variance.
         """
-        count, upper = len(self.sigma), []
-        for part in replace(self, shares=()).residual(reduced):
-            lines = part.reshape(count, -1)
-            upper.append(lines[:, lines.shape[1] // 2 :])
-        ratio = np.sqrt(np.median(np.hstack(upper) ** 2, axis=1) / MEDIAN_SQUARE)
+        count = len(self.sigma)
+        lines = [part.reshape(count, -1) for part in replace(self, shares=()).residual(reduced)]
+        upper = np.hstack([part[:, part.shape[1] // 2 :] for part in lines])
+        ratio = np.sqrt(np.median(upper**2, axis=1) / MEDIAN_SQUARE)
         declared = [bool(sensor.noise) for sensor in self.test.sensors]
         ratio = np.where(declared, 1.0, np.clip(ratio, 1 / SUBSTRUCTURE.clearly, SUBSTRUCTURE.clearly))
         weights = [1 / np.repeat(ratio, part.size // count) for part in self.missing]
