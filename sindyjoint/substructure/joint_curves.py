@@ -101,16 +101,16 @@ class JointCurve:
     tested: Booleans
 
     @property
-    def low(self) -> Self:
+    def low(self) -> "JointCurve":
         """The lower ends of the 95 % intervals of the measures."""
         return self._ends(0)
 
     @property
-    def high(self) -> Self:
+    def high(self) -> "JointCurve":
         """The upper ends of the 95 % intervals of the measures."""
         return self._ends(1)
 
-    def _ends(self, side: int) -> Self:
+    def _ends(self, side: int) -> "JointCurve":
         ends: dict[str, Any] = {name: self.interval95(name)[side] for name in MEASURES}
         return replace(self, **ends)
 

@@ -90,11 +90,6 @@ class Steady:
     drive: Complex
     hold: Array
 
-    @property
-    def harmonics(self) -> int:
-        """H."""
-        return self.drive.size - 1
-
     def load(self, drive: Complex) -> Array:
         """Return the loads of a drive on the joints as coefficients, shape (size,)."""
         return np.ravel(coefficients(self.condensed.load.T * drive))

@@ -15,7 +15,7 @@ from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.structure import Fit, fit
 from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.diagnosis.structure.pulses import PulseProblem, RecordNoise, record_noise
-from sindyjoint.equation.model import INERTIA, Fitted, JointModel, ModelTerm
+from sindyjoint.equation.model import INERTIA, Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics import Law, PaperLaw
@@ -50,23 +50,13 @@ def model_of_law(law: PaperLaw, angle: float, rate: float, known_to: float) -> J
     """
     from sindyjoint.equation.catalogue import load_catalogue
 
-    catalogue = load_catalogue("paper")
-    terms = []
-    for term in (each for each in catalogue if each.id in PAPER_PARAMETERS):
-        value = float(getattr(law, PAPER_PARAMETERS[term.id]))
-        error = known_to * abs(value)
-        interval = (value - 1.96 * error, value + 1.96 * error)
-        terms.append(
-            ModelTerm(
-                term.id, term.symbol, term.name, term.family, term.formula, (), term.unit, value, error, interval, 0.0
-            )
-        )  # fmt: skip
-    covariance = np.diag([term.standard_error**2 for term in terms])
-    moment = abs(law.k1) * angle + law.M_F
-    return JointModel(
-        Joint(name=law.name, inertia=law.inertia), tuple(terms), tuple(map(tuple, covariance.tolist())),
-        Fitted(moment, 0.0, 0.0, 1.0, 0, 0, angle, rate, (), True),
-    )  # fmt: skip
+    terms = [t.with_parameters({}) for t in load_catalogue("paper") if t.id in PAPER_PARAMETERS]
+    values = np.array([getattr(law, PAPER_PARAMETERS[term.id]) for term in terms], dtype=float)
+    covariance = np.diag((known_to * values) ** 2)
+    fitted = Fitted(abs(law.k1) * angle + law.M_F, 0.0, 0.0, 1.0, 0, 0, angle, rate, (), True)
+    known = model_terms(terms, values, covariance, np.zeros(values.size), np.inf, "rotation")
+    model = JointModel(Joint(name=law.name, inertia=law.inertia), known, (), fitted)
+    return model.with_numbers(values, covariance)
 
 
 def hidden_pulse_test(

@@ -220,7 +220,7 @@ class SteadyRun:
             - other.load(self.drive)
             + balance.load(self.drive)
         )
-        joints, width = len(balance.laws), 2 * balance.harmonics + 1
+        joints, width = len(balance.laws), 2 * balance.drive.size - 1
         compared = np.arange(1, self.measured.shape[1] + 1)
         # Coefficients of each harmonic alone, its cosine and its sine.
         alone = (np.arange(width)[:, None] + 1) // 2 == compared

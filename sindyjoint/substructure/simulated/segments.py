@@ -1,16 +1,14 @@
 """A run of a structure that does not repeat, simulated in segments: multiple shooting.
 
 Over a long record a slightly wrong frequency ends whole cycles off, which hides the minimum; over a segment of a few
-periods it does not. Each segment begins at a state of its own (Bock, in: Modelling of Chemical Reaction Systems, 1981).
-The states are no numbers of the fit: what an error of a state does to the residual of its segment is projected out, to
-first order, under a prior as wide as the motion is large. Before each fit the states are moved to where they fit best.
+periods it does not. Each begins at a state of its own (Bock, in: Modelling of Chemical Reaction Systems, 1981), which
+is no number of the fit: what its error does to the residual of the segment is projected out, to first order, under a
+prior as wide as the motion is large, and before each fit it is moved to where it fits best.
 
-The measured drive is known up to its noise, which the structure amplifies near its resonance: with weights of the
-sensors alone that noise decides the numbers. What slow errors of the drive do is projected out in the same way, under
-its noise as prior (errors in variables: Fuller, Measurement Error Models, 1987, section 3.2), once the states are near.
+So is, once the states are near, what slow errors of the drive do, under its noise as prior (errors in variables:
+Fuller, Measurement Error Models, 1987, section 3.2): the structure amplifies that noise near its resonance.
 
-Residuals are compared up to the frequency up to which the recovery uses the sensors: the cosine transform of a segment
-leaves white noise white, and what lies above is left out.
+Residuals are compared in the band of the recovery: the cosine transform of a segment leaves white noise white.
 """
 
 from collections.abc import Iterator, Sequence
