@@ -11,6 +11,7 @@ competes with the candidate terms, and is that of the law they make.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -77,10 +78,7 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     if time == 0.0:
         return states
     samples = time * states.sample_rate
-
-    def moved(signal: Array) -> Array:
-        return delayed(signal, samples)
-
+    moved = partial(delayed, samples=samples)
     moving = states.moving.copy()
     edge = int(np.ceil(abs(samples))) + 1
     moving[:edge] = False

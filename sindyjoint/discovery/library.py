@@ -28,7 +28,7 @@ from sindyjoint.equation.candidates import catalogue_of, with_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import INERTIA
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
-from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.errors import InputError, MissingExtraError, refuse
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
@@ -161,18 +161,17 @@ class TermLibrary(BaseFeatureLibrary):
         ndarray, shape (n, n_output_features_), or a list of such
         """
         check_is_fitted(self)
-        features = []
-        for x in x_full:
-            names = input_names(self.inputs)
-            states = _states(x, len(names))
-            if states.shape[1] != self.n_features_in_:
-                raise InputError(
-                    f"X has {states.shape[1]} columns; the library was fitted to {self.n_features_in_}"
-                )
-            columns = state_columns(self.terms_, states, names)
-            columns /= self.scales_
-            features.append(AxesArray(columns, comprehend_axes(columns)))
-        return features
+        names = input_names(self.inputs)
+        runs = [_states(x, len(names)) for x in x_full]
+        refuse(
+            (
+                states.shape[1] != self.n_features_in_,
+                f"X has {states.shape[1]} columns; the library was fitted to {self.n_features_in_}",
+            )
+            for states in runs
+        )
+        columns = (state_columns(self.terms_, states, names) / self.scales_ for states in runs)
+        return [AxesArray(each, comprehend_axes(each)) for each in columns]
 
     def get_feature_names(self, input_features: Sequence[str] | None = None) -> list[str]:
         """Return the ids of the terms; the names of the inputs do not change them."""

@@ -182,10 +182,8 @@ def _read_stated_scales(
     if inertia is not None:  # what they state of the moment is not what is fitted
         return None
     stated = [[_open_file(path).largest(name) for name in names[:3]] for path in paths]
-    columns = [[value for value in column if value is not None] for column in zip(*stated, strict=True)]
-    if any(len(column) < len(paths) for column in columns):
-        return None
-    return Reference(*(max(column) for column in columns))
+    known = [[value for value in values if value is not None] for values in stated]
+    return largest_of(known) if known == stated else None
 
 
 def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:

@@ -74,12 +74,6 @@ def _pysindy_stlsq(threshold: float) -> Any:
     return _of_pysindy("STLSQ", threshold=threshold, alpha=0.0)
 
 
-def _pysindy_sr3(threshold: float) -> Any:
-    """SR3 of pysindy with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
-    settings = {"regularizer": "L0", "relax_coeff_nu": 1.0, "max_iter": 300, "tol": 1e-9}
-    return _of_pysindy("SR3", reg_weight_lam=threshold**2 / 2, **settings)
-
-
 def _ensemble(asked: Asked) -> Path:
     """As EnsembleOptimizer of pysindy: STLSQ fits, median of the coefficients, over resampled blocks rather than rows.
 
@@ -115,6 +109,7 @@ def _lasso_lars(asked: Asked) -> Path:
     return [asked.all_columns, _nonzero(fit.coef_, asked), *(_nonzero(c, asked) for c in path.T)]
 
 
+SR3 = {"regularizer": "L0", "relax_coeff_nu": 1.0, "max_iter": 300, "tol": 1e-9}
 METHODS: dict[str, Method] = {
     # Sequentially thresholded least squares on unique shares, one term at a time, with exchange.
     "stlsq": lambda asked: elimination_path(asked.factor, asked.forced, asked.evidence.parents),
@@ -124,7 +119,10 @@ METHODS: dict[str, Method] = {
     "coefficient_stlsq": lambda asked: _threshold_path(
         asked, lambda t: _pysindy_stlsq(t).fit(*asked.problem).coef_
     ),
-    "sr3": lambda asked: _threshold_path(asked, lambda t: _pysindy_sr3(t).fit(*asked.problem).coef_),
+    # SR3 of pysindy with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients.
+    "sr3": lambda asked: _threshold_path(
+        asked, lambda t: _of_pysindy("SR3", reg_weight_lam=t**2 / 2, **SR3).fit(*asked.problem).coef_
+    ),
     # SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time.
     "ssr": lambda asked: [
         asked.all_columns,
@@ -171,15 +169,16 @@ def optimisers() -> dict[str, Any]:
     import pysindy
     from pysindy.optimizers.base import BaseOptimizer
 
-    found = {}
-    for name in dir(pysindy):
-        kind = getattr(pysindy, name)
-        if not (inspect.isclass(kind) and issubclass(kind, BaseOptimizer)) or inspect.isabstract(kind):
-            continue
-        parameters = [*inspect.signature(kind).parameters.values()]
-        if all(p.default is not p.empty or p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD) for p in parameters):
-            found[name] = kind
-    return found
+    return {
+        name: kind
+        for name, kind in inspect.getmembers(pysindy, inspect.isclass)
+        if issubclass(kind, BaseOptimizer)
+        and not inspect.isabstract(kind)
+        and all(
+            p.default is not p.empty or p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+            for p in inspect.signature(kind).parameters.values()
+        )
+    }
 
 
 def _named_optimiser(method: str) -> Any:

@@ -27,7 +27,7 @@ from sindyjoint.equation.candidates import catalogue_of, with_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
-from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.errors import InputError, UnknownNameError, refuse
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
@@ -75,13 +75,18 @@ class SelectionRules:
             raise UnknownNameError(
                 f"selection is {self.selection!r}; expected one of {', '.join(SELECTIONS)}"
             )
-        if self.threshold is not None and not 0 <= self.threshold < 1:
-            raise InputError(
-                f"threshold is {self.threshold!r}; expected a share of the moment's RMS, from 0 to below 1"
-            )
-        for term, sign in (self.signs or {}).items():
-            if sign not in (1, -1):
-                raise InputError(f"signs: {str(term)!r} is {sign!r}; expected +1 or -1")
+        refuse(
+            [
+                (
+                    self.threshold is not None and not 0 <= self.threshold < 1,
+                    f"threshold is {self.threshold!r}; expected a share of the moment's RMS, from 0 to below 1",
+                ),
+                *(
+                    (sign not in (1, -1), f"signs: {str(term)!r} is {sign!r}; expected +1 or -1")
+                    for term, sign in (self.signs or {}).items()
+                ),
+            ]
+        )
 
 
 def choose(evidence: Evidence, rules: SelectionRules, shared_motion: bool = False) -> tuple[Selection, float]:
@@ -260,11 +265,18 @@ class TermRegression(SelectionRules):
     def check_parameters(self) -> None:
         """Refuse a method, a selection or a number that there is not."""
         self.check_rules()
-        for term in set(self.forced) & set(self.forbidden):
-            raise InputError(f"term {term!r} is forced and forbidden; expected one of them")
-        for term, value in (self.fixed or {}).items():
-            if not np.isfinite(value):
-                raise InputError(f"fixed: {term!r} is {value!r}; expected a finite coefficient")
+        refuse(
+            [
+                *(
+                    (term in self.forbidden, f"term {term!r} is forced and forbidden; expected one of them")
+                    for term in self.forced
+                ),
+                *(
+                    (not np.isfinite(value), f"fixed: {term!r} is {value!r}; expected a finite coefficient")
+                    for term, value in (self.fixed or {}).items()
+                ),
+            ]
+        )
 
     def _catalogue(self, with_inertia: bool) -> Catalogue:
         catalogue = with_dependences(catalogue_of(self.library), self._inputs)
@@ -306,10 +318,11 @@ class TermRegression(SelectionRules):
 
     def _with_fixed(self, evidence: Evidence) -> Evidence:
         """Take what the fixed terms carry out of the target, and remember their share of it."""
-        self._fixed_share: dict[str, float] = {}
-        for term_id, value in (self.fixed or {}).items():
-            rms = evidence.pooled.column_rms[_index(evidence, "fixed", term_id)]
-            self._fixed_share[term_id] = abs(value) * rms / evidence.target_rms
+        rms = evidence.pooled.column_rms
+        self._fixed_share: dict[str, float] = {
+            term: abs(value) * rms[_index(evidence, "fixed", term)] / evidence.target_rms
+            for term, value in (self.fixed or {}).items()
+        }
         return evidence.fixing(self.fixed) if self.fixed else evidence
 
     def _keep_model(self, samples: int, runs: int) -> None:

@@ -15,7 +15,7 @@ from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.numeric import BLOCK, Array, chunks
 
 Index = slice | NDArray[np.intp]
@@ -52,9 +52,11 @@ def row_labels(
         For labels that are not one per row, or blocks that are whole runs.
     """
     given = {"groups": groups, "runs": runs, "blocks": blocks}
-    for name, values in given.items():
-        if values is not None and np.shape(values) != (n,):
-            raise InputError(f"{name} has shape {np.shape(values)}; expected ({n},), one entry per row")
+    refuse(
+        (np.shape(values) != (n,), f"{name} has shape {np.shape(values)}; expected ({n},), one entry per row")
+        for name, values in given.items()
+        if values is not None
+    )
     of_runs, of_groups = (groups if runs is None else runs), (runs if groups is None else groups)
     if of_runs is None or of_groups is None:
         # One record: segments to hold out, each with blocks.
@@ -211,14 +213,20 @@ def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float
         ensure_2d=False,
         input_name="sample_weight",
     )
-    if weight.shape != (count,):
-        raise InputError(
-            f"sample_weight has shape {weight.shape}; one weight for each row is expected, ({count},)"
-        )
-    if not np.any(weight):
-        raise InputError("sample_weight is zero for every row; at least one row must count")
-    if np.any(weight < 0):
-        raise InputError(f"sample_weight holds {weight.min():g}; weights that are not negative are expected")
+    shape, zero = weight.shape, not np.any(weight)
+    refuse(
+        [
+            (
+                shape != (count,),
+                f"sample_weight has shape {shape}; one weight for each row is expected, ({count},)",
+            ),
+            (zero, "sample_weight is zero for every row; at least one row must count"),
+            (
+                np.any(weight < 0),
+                f"sample_weight holds {weight.min(initial=0.0):g}; weights that are not negative are expected",
+            ),
+        ]
+    )
     return weight
 
 

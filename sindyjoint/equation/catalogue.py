@@ -30,7 +30,7 @@ from sindyjoint.equation.terms import (
     input_units,
     term_columns,
 )
-from sindyjoint.errors import FormulaError, InputError, UnitError, UnknownNameError, nearest
+from sindyjoint.errors import FormulaError, InputError, UnitError, UnknownNameError, nearest, refuse
 from sindyjoint.inputs import check_name
 from sindyjoint.limits import EQUATION
 
@@ -245,13 +245,14 @@ def _term(located: Located) -> Term:
 
 
 def _check_bounds(parameters: Sequence[Parameter]) -> None:
-    for number, each in enumerate(parameters, 1):
-        low, high = (each.value if end is None else end for end in (each.lower, each.upper))
-        if not 0 < low <= each.value <= high:
-            raise InputError(
-                f"parameters.{number}: expected 0 < lower <= value <= upper; given are {low:g}, {each.value:g}, "
-                f"{high:g}"
-            )
+    ends = [[each.value if end is None else end for end in (each.lower, each.upper)] for each in parameters]
+    refuse(
+        (
+            not 0 < low <= each.value <= high,
+            f"parameters.{number}: expected 0 < lower <= value <= upper; given are {low:g}, {each.value:g}, {high:g}",
+        )
+        for number, (each, (low, high)) in enumerate(zip(parameters, ends, strict=True), 1)
+    )
 
 
 def _check_use(expression: sympy.Expr, names: list[str]) -> None:
@@ -292,16 +293,12 @@ def _checked_motion(entry: Term, expression: sympy.Expr) -> Motion:
 
 def _parameter(entry: Parameter, motion: Motion | None) -> Parameter:
     if motion is not None and entry.relative_to is not None:
-        scales = formula.VARIABLE_UNITS[motion]
-        wanted = {
-            "angle": scales["theta"],
-            "rate": scales["omega"],
-            "moment": formula.MOMENT_UNITS[motion],
-        }
-        if not formula.same_dimension(entry.unit, wanted[entry.relative_to]):
+        scales = {**formula.VARIABLE_UNITS[motion], "moment": formula.MOMENT_UNITS[motion]}
+        wanted = scales[{"angle": "theta", "rate": "omega"}.get(entry.relative_to, "moment")]
+        if not formula.same_dimension(entry.unit, wanted):
             raise UnitError(
                 f"parameter {entry.name!r} is relative to the {entry.relative_to} and has the unit "
-                f"{entry.unit!r}; expected {wanted[entry.relative_to]}"
+                f"{entry.unit!r}; expected {wanted}"
             )
     return replace(entry, unit=_rotational(entry.unit, motion))
 

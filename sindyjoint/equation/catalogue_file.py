@@ -17,7 +17,7 @@ from sindyjoint.equation.formula import VARIABLES, compile_terms, variable_symbo
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Term
 from sindyjoint.equation.test_record import read_test
-from sindyjoint.errors import InputError, MissingInputError, UnknownNameError, nearest
+from sindyjoint.errors import InputError, MissingInputError, UnknownNameError, nearest, refuse
 from sindyjoint.plain import Identifier, Line, entries_of
 
 
@@ -161,12 +161,12 @@ def _collect_terms(path: Path, catalogue: CatalogueEntry, parents: tuple[Path, .
                     + nearest(term_id, list(by_id), "it has")
                 )
             yield by_id[term_id]
-    ids = set()
-    for entry in catalogue.term:
-        if entry.id in ids:
-            raise InputError(f"{path.name}: the id {entry.id!r} is used twice; give each term another id")
-        ids.add(entry.id)
-        yield entry, resolved
+    ids = [entry.id for entry in catalogue.term]
+    refuse(
+        (ids.count(name) > 1, f"{path.name}: the id {name!r} is used twice; give each term another id")
+        for name in ids
+    )
+    yield from ((entry, resolved) for entry in catalogue.term)
 
 
 def _read_entries(path: Path) -> CatalogueEntry:
@@ -237,26 +237,24 @@ def _check_model(model: JointModel) -> None:
     InputError
         Naming the term.
     """
-    fitted = model.fitted
-    if not (fitted.moment_rms > 0 and fitted.angle > 0 and fitted.rate > 0):
-        return
-    acceleration = variable_symbols()[2]
+    fitted, acceleration = model.fitted, variable_symbols()[2]
     terms = [term for term in model.terms if acceleration not in term.expression.free_symbols]
-    if not terms:
+    if not (terms and fitted.moment_rms > 0 and fitted.angle > 0 and fitted.rate > 0):
         return
     angle, rate = (a.ravel() for a in np.meshgrid(fitted.angle * np.array([-1, -0.5, 0.5, 1]),
                                                   fitted.rate * np.array([-1, -0.5, 0.5, 1])))  # fmt: skip
     with np.errstate(all="ignore"):
         far = {each.name: max(each.tested or (each.reference,), key=abs) for each in model.inputs}
-        moments = compile_terms([term.expression for term in terms], (*VARIABLES, *far))(
+        columns = compile_terms([term.expression for term in terms], (*VARIABLES, *far))(
             angle, rate, np.nan, *far.values()
         )
-        moments = np.abs(moments * [term.coefficient for term in terms]).max(axis=0)
-    for term, moment in zip(terms, moments, strict=True):
-        # A term of a law that was measured stays near the measured moment; collinear terms may cancel, not to this
-        # extent.
-        if not moment <= 1e6 * fitted.moment_rms:
-            raise InputError(
-                f"term {term.id!r}: its coefficient {term.coefficient:g} makes {moment:.3g} within the tested range, "
-                f"where {fitted.moment_rms:.3g} was measured; the file was changed or damaged"
-            )
+    moments = np.abs(columns * [term.coefficient for term in terms]).max(axis=0)
+    # A term of a law that was measured stays near the measured moment; collinear terms may cancel, not to this extent.
+    refuse(
+        (
+            not moment <= 1e6 * fitted.moment_rms,
+            f"term {term.id!r}: its coefficient {term.coefficient:g} makes {moment:.3g} within the tested range, "
+            f"where {fitted.moment_rms:.3g} was measured; the file was changed or damaged",
+        )
+        for term, moment in zip(terms, moments, strict=True)
+    )

@@ -209,10 +209,6 @@ class _Program:
             raise FormulaError(
                 f"{expression} cannot be evaluated: {type(expression).__name__} is no allowed function"
             )
-        if name == "heaviside":
-            return self._operation(
-                name, self.register(expression.args[0]), self._constant(float(expression.args[1]))
-            )
         if FUNCTIONS[name].nin == 2:
             return self._fold(name, [self.register(argument) for argument in expression.args])
         return self._operation(name, self.register(expression.args[0]))

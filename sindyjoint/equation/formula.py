@@ -376,17 +376,11 @@ def _power_unit(base: Any, exponent: Any, units: Mapping[str, Any]) -> Any:
 
 def _common_unit(expression: Any, units: Mapping[str, Any]) -> Any:
     """Return the unit of a sum, a minimum or a maximum; zero fits every unit."""
-    first = None
-    for part in expression.args:
-        if part.is_zero:
-            continue
-        unit = _unit(part, units)
-        if first is None:
-            first = (part, unit)
-        elif first[1].dimensionality != unit.dimensionality:
+    (first, common), *others = [(part, _unit(part, units)) for part in expression.args if not part.is_zero]
+    for part, unit in others:
+        if common.dimensionality != unit.dimensionality:
             raise UnitError(
-                f"{formula_text(expression)} combines {formula_text(first[0])} in {unit_text(first[1])} with "
+                f"{formula_text(expression)} combines {formula_text(first)} in {unit_text(common)} with "
                 f"{formula_text(part)} in {unit_text(unit)}; expected equal units"
             )
-    assert first is not None
-    return first[1]
+    return common

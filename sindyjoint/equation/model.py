@@ -309,10 +309,12 @@ class JointModel(Described):
             )
         # A model from elsewhere must be read in seconds, whatever it holds.
         # Entries that a model may have.
-        for name, most in {"terms": 200, "elements": 50, "inputs": 20}.items():
-            own = data.get(name)
-            if isinstance(own, list) and len(own) > most:
-                raise InputError(f"not a joint model: {len(own)} {name}; expected at most {most}")
+        most = {"terms": 200, "elements": 50, "inputs": 20}
+        counts = {name: len(own) for name in most if isinstance(own := data.get(name), list)}
+        refuse(
+            (count > most[name], f"not a joint model: {count} {name}; expected at most {most[name]}")
+            for name, count in counts.items()
+        )
         try:
             return from_plain(cls, data)
         except InputError as error:
@@ -362,25 +364,24 @@ def model_terms(
     motion: str,
 ) -> tuple[ModelTerm, ...]:
     """Return model terms with Student-t intervals on ``degrees`` degrees of freedom, one for all or one each."""
-    quantiles = scipy.special.stdtrit(np.maximum(np.broadcast_to(degrees, coefficients.shape), 1), 0.975)
-    terms = []
-    for index, item in enumerate(resolved):
-        value, error = float(coefficients[index]), float(np.sqrt(covariance[index, index]))
-        quantile = float(quantiles[index])
-        terms.append(
-            ModelTerm(
-                id=item.id,
-                symbol=item.term.symbol,
-                name=item.term.name,
-                family=item.term.family,
-                formula=item.term.formula,
-                parameters=item.values,
-                unit=item.term.unit_for(motion),  # type: ignore[arg-type]
-                coefficient=value,
-                standard_error=error,
-                interval95=(value - quantile * error, value + quantile * error),
-                unique_share=float(unique_share[index]),
-                inputs=tuple(each.name for each in item.term.inputs),
-            )
+    errors = np.sqrt(np.diagonal(covariance))
+    half = errors * scipy.special.stdtrit(np.maximum(np.broadcast_to(degrees, coefficients.shape), 1), 0.975)
+    ends = zip((coefficients - half).tolist(), (coefficients + half).tolist(), strict=True)
+    numbers = zip(coefficients.tolist(), errors.tolist(), ends, unique_share.tolist(), strict=True)
+    return tuple(
+        ModelTerm(
+            id=item.id,
+            symbol=item.term.symbol,
+            name=item.term.name,
+            family=item.term.family,
+            formula=item.term.formula,
+            parameters=item.values,
+            unit=item.term.unit_for(motion),  # type: ignore[arg-type]
+            coefficient=value,
+            standard_error=error,
+            interval95=interval,
+            unique_share=share,
+            inputs=tuple(each.name for each in item.term.inputs),
         )
-    return tuple(terms)
+        for item, (value, error, interval, share) in zip(resolved, numbers, strict=True)
+    )

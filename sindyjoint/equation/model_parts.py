@@ -279,16 +279,14 @@ def _plan(
         expressions.append(parsed)
     bases = {expressions[i]: i for i, (_, _, inputs) in reversed([*enumerate(written)]) if not inputs}
     joined: list[tuple[int, float] | None] = []
-    formulas = []
-    for place, (expression, (formula, _, inputs)) in enumerate(zip(expressions, written, strict=True)):
+    for place, (expression, (_, _, inputs)) in enumerate(zip(expressions, written, strict=True)):
         factor, base = expression.as_independent(*motion, as_Add=False) if inputs else (1, expression)
-        if expression == 0 or factor == 0:
-            joined.append(None)
-        elif inputs and base in bases:
-            joined.append((bases[base], float(factor)))
-        else:
-            joined.append((place, 1.0))
-        formulas.append(formula_text(expression) if inputs else formula)
+        target = (bases[base], float(factor)) if inputs and base in bases else (place, 1.0)
+        joined.append(None if expression == 0 or factor == 0 else target)
+    formulas = (
+        formula_text(expression) if inputs else formula
+        for expression, (formula, _, inputs) in zip(expressions, written, strict=True)
+    )
     return tuple(joined), tuple(formulas)
 
 

@@ -57,7 +57,7 @@ MOST = {
     "number": int(1e30),
 }
 
-_CHARACTERS = re.compile(r"[A-Za-z0-9_+\-*/().,\s]*", re.ASCII)
+_OTHER_CHARACTER = re.compile(r"[^A-Za-z0-9_+\-*/().,\s]", re.ASCII)
 _CHARACTER_HINTS = {
     "^": "powers are written **",
     "[": "indexing",
@@ -155,6 +155,11 @@ class _Builder:
         self.nodes = 0
         self.calls = 0
 
+    def check(self, allowed: object, why: str) -> None:
+        """Refuse the formula where something of it is not allowed."""
+        if not allowed:
+            raise self.refusal(why)
+
     def refusal(self, why: str) -> FormulaError:
         extra = [name for name in self.names if name not in ("theta", "omega", "alpha", "x", "v", "a")]
         return FormulaError(
@@ -167,27 +172,25 @@ class _Builder:
 
         # doit settles the min and max that were kept as written; what it cannot settle has no finite value.
         expression = self._node(self._tree(), 0).doit()
-        if expression.has(sympy.I, sympy.nan, sympy.oo, sympy.zoo):
-            raise self.refusal("it has no real, finite value")
+        infinite = expression.has(sympy.I, sympy.nan, sympy.oo, sympy.zoo)
+        self.check(not infinite, "it has no real, finite value")
         for part in sympy.postorder_traversal(expression):
-            if part.is_number and not abs(float(part)) <= MOST["number"]:
-                raise self.refusal(f"a number in it is beyond {MOST['number']:g}")
+            self._check_size(float(part) if part.is_number else 0.0)
             if part.is_Pow and part.exp.is_number and abs(float(part.exp)) > MOST["power"]:
                 raise self.refusal(f"its power {part} is beyond {MOST['power']}")
         return expression
 
+    def _check_size(self, value: float) -> None:
+        self.check(abs(value) <= MOST["number"], f"a number in it is beyond {MOST['number']:g}")
+
     def _tree(self) -> ast.expr:
         text = self.text.strip()
-        if not text:
-            raise self.refusal("it is empty")
-        if len(text) > MOST["characters"]:
-            raise self.refusal(f"it has {len(text)} characters, more than {MOST['characters']}")
-        allowed = _CHARACTERS.match(text)
-        assert allowed is not None
-        if allowed.end() < len(text):
-            character = text[allowed.end()]
-            hint = _CHARACTER_HINTS.get(character, "")
-            raise self.refusal(f"the character {character!r}{hint and f' ({hint})'} is not allowed")
+        self.check(text, "it is empty")
+        within = len(text) <= MOST["characters"]
+        self.check(within, f"it has {len(text)} characters, more than {MOST['characters']}")
+        if other := _OTHER_CHARACTER.search(text):
+            hint = _CHARACTER_HINTS.get(other[0], "")
+            raise self.refusal(f"the character {other[0]!r}{hint and f' ({hint})'} is not allowed")
         try:
             with warnings.catch_warnings():
                 # Python warns of text such as "1if"; here that is simply a syntax error.
@@ -203,10 +206,8 @@ class _Builder:
 
     def _node(self, node: ast.AST, depth: int) -> Any:
         self.nodes += 1
-        if depth > MOST["levels"]:
-            raise self.refusal(f"it is nested deeper than {MOST['levels']} levels")
-        if self.nodes > MOST["parts"]:
-            raise self.refusal(f"it has more than {MOST['parts']} parts")
+        self.check(depth <= MOST["levels"], f"it is nested deeper than {MOST['levels']} levels")
+        self.check(self.nodes <= MOST["parts"], f"it has more than {MOST['parts']} parts")
         match node:
             case ast.Constant():
                 return self._number(node.value)
@@ -230,8 +231,7 @@ class _Builder:
 
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise self.refusal(f"{value!r} is not a real number")
-        if not abs(value) <= MOST["number"]:
-            raise self.refusal(f"a number in it is beyond {MOST['number']:g}")
+        self._check_size(value)
         whole = isinstance(value, int) or (value.is_integer() and abs(value) < 1e15)
         return sympy.Integer(int(value)) if whole else sympy.Float(value, 17)
 
@@ -242,8 +242,7 @@ class _Builder:
             return sympy.pi
         if name in self.names:
             return self.names[name]
-        if name in FUNCTIONS:
-            raise self.refusal(f"the function {name} stands without its argument")
+        self.check(name not in FUNCTIONS, f"the function {name} stands without its argument")
         raise self.refusal(f"the name {shown(name, 40)} is unknown{_hint(name, [*self.names, *FUNCTIONS])}")
 
     def _call(self, node: ast.Call, depth: int) -> Any:
@@ -256,14 +255,14 @@ class _Builder:
         if node.keywords:
             raise self.refusal(f"{self._piece(node)} (an unpacking) is not allowed")
         count = len(node.args)
-        if name in ("min", "max"):
-            if not 2 <= count <= MOST["arguments"]:
-                raise self.refusal(f"{name} takes two to {MOST['arguments']} arguments, {count} given")
-        elif count != 1:
-            raise self.refusal(f"{name} takes one argument, {count} given")
+        several = name in ("min", "max")
+        takes = f"two to {MOST['arguments']} arguments" if several else "one argument"
+        fits = 2 <= count <= MOST["arguments"] if several else count == 1
+        self.check(fits, f"{name} takes {takes}, {count} given")
         self.calls += 1
-        if self.calls > MOST["calls"]:
-            raise self.refusal(f"its functions are nested deeper than {MOST['calls']} levels")
+        self.check(
+            self.calls <= MOST["calls"], f"its functions are nested deeper than {MOST['calls']} levels"
+        )
         values = [self._node(argument, depth + 1) for argument in node.args]
         self.calls -= 1
         if all(value.is_number for value in values):
@@ -277,15 +276,13 @@ class _Builder:
         import sympy
 
         piece = self._piece(node)
-        if not {symbol.name for symbol in exponent.free_symbols} <= set(self.positive):
-            raise self.refusal(f"the exponent of {piece} is not a number")
+        known = {symbol.name for symbol in exponent.free_symbols} <= set(self.positive)
+        self.check(known, f"the exponent of {piece} is not a number")
         if exponent.is_number:
             value = float(exponent)
-            if abs(value) > MOST["power"]:
-                raise self.refusal(f"the exponent of {piece} is beyond {MOST['power']}")
+            self.check(abs(value) <= MOST["power"], f"the exponent of {piece} is beyond {MOST['power']}")
             digits = abs(value * math.log10(abs(float(base)))) if base.is_number and base != 0 else 0.0
-            if digits > math.log10(MOST["number"]):
-                raise self.refusal(f"{piece} is beyond {MOST['number']:g}")
+            self.check(digits <= math.log10(MOST["number"]), f"{piece} is beyond {MOST['number']:g}")
             # theta**2.0 and abs(theta)**0.5 are the exact powers they look like.
             if exponent.is_Float and (2 * value).is_integer():
                 exponent = sympy.Rational(int(2 * value), 2)

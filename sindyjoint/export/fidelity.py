@@ -3,9 +3,8 @@
 import re
 import textwrap
 import unicodedata
-from collections import namedtuple
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Self
 
@@ -20,7 +19,7 @@ from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.export.parts import GIVE, POINTS, RAMP, Curve, Parts, contribution, total
 from sindyjoint.limits import STATES
 from sindyjoint.numeric import Array
-from sindyjoint.text import in_columns
+from sindyjoint.text import Quantities, in_columns, quantities
 
 
 @dataclass(frozen=True)
@@ -95,16 +94,12 @@ def filled_in(template: str, **parts: Any) -> str:
 
 
 ALL_TERMS = "all terms"
-Words = namedtuple(
-    "Words", "moment angle rate angle_unit moment_unit stiffness_unit damping_unit inertia_unit"
-)
-_ROTATION = Words("moment", "angle", "rate", "rad", "N*m", "N*m/rad", "N*m*s/rad", "kg*m^2")
-_TRANSLATION = Words("force", "displacement", "velocity", "m", "N", "N/m", "N*s/m", "kg")
 
 
-def words_of(model: JointModel) -> Words:
-    """Return words and units for the motion of a model."""
-    return _ROTATION if model.joint.motion == "rotation" else _TRANSLATION
+def words_of(model: JointModel) -> Quantities:
+    """Return words and units for the motion of a model, in small letters."""
+    own = quantities(model.joint.motion)
+    return replace(own, moment=own.moment.lower(), angle=own.angle.lower(), rate=own.rate.lower())
 
 
 def heading(model: JointModel, target: str) -> list[str]:
@@ -439,5 +434,6 @@ def sliding_rows(
 
 def sliding_note(model: JointModel, stiffness: float, more: str = "") -> tuple[str, ...]:
     """Return the note on the spring of sticking friction, where there is any."""
-    note = f"while it sticks, friction is a spring of {stiffness:.6g} {words_of(model).stiffness_unit}{more}"
-    return (note,) if stiffness > 0 else ()
+    words = words_of(model)
+    size = f"{stiffness:.6g} {words.moment_unit}/{words.angle_unit}"
+    return (f"while it sticks, friction is a spring of {size}{more}",) if stiffness > 0 else ()

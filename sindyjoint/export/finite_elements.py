@@ -95,7 +95,7 @@ def export_abaqus(model: JointModel) -> Export:
         *inertia_note(model),
     )
     rotation = model.joint.motion == "rotation"
-    lines = filled_in(
+    text = comment(preamble(model, "Abaqus", rows, notes), "**") + filled_in(
         "abaqus.inp.j2",
         element=RARE,
         node=RARE,
@@ -110,7 +110,6 @@ def export_abaqus(model: JointModel) -> Export:
         chains=[kind for _, kind in added if not isinstance(kind, Slider)],
         stick=GIVE * model.fitted.angle,
     )
-    text = comment(preamble(model, "Abaqus", rows, notes), "**") + lines
     return Export("abaqus", {"joint.inp": text}, rows, notes)
 
 
@@ -185,7 +184,7 @@ def export_nastran(model: JointModel) -> Export:
         rates=rates if tabulated else None, stick=GIVE * model.fitted.angle,
         sliders=of[Slider], gaps=of[Gap], branches=of[Maxwell],
     )  # fmt: skip
-    text += "".join(f"{_card(*line.split(','))}\n" for line in deck.splitlines())
+    text += "".join(f"{_card(line)}\n" for line in deck.splitlines())
     return Export("nastran", {"joint.bdf": text}, rows, notes)
 
 
@@ -214,11 +213,9 @@ def _rounded(curve: Curve) -> Curve:
     return Curve(*(np.array([read_field(field(v)) for v in values]) for values in (curve.x, curve.y)))
 
 
-def _card(name: str, *fields: str) -> str:
-    """Write a card in large format: sixteen characters per field, four fields per line."""
-    texts = list(fields)
-    while texts and not texts[-1]:
-        texts.pop()
+def _card(line: str) -> str:
+    """Write a card in large format, its fields parted by commas: sixteen characters each, four of them per line."""
+    name, *texts = line.rstrip(",").split(",")
     rows = [texts[i : i + 4] for i in range(0, len(texts), 4)]
     if len(rows) % 2:
         rows.append([])  # large format comes in pairs of lines
@@ -277,12 +274,11 @@ def export_opensees(model: JointModel) -> Export:
         range_note(model, "the table goes on with its last slope"),
         *inertia_note(model),
     )
-    script = filled_in(
+    text = comment(preamble(model, "OpenSees", rows, notes), "#") + filled_in(
         "opensees.py.j2", materials=[(kind, _values(values)) for kind, values, _ in materials], parallel=parallel,
         joined=int(bool(parallel)), chains=list(zip(aside[::2], aside[1::2], strict=True)),
         direction=6 if model.joint.motion == "rotation" else 1,
     )  # fmt: skip
-    text = comment(preamble(model, "OpenSees", rows, notes), "#") + script
     return Export("opensees", {"joint_opensees.py": text}, rows, notes)
 
 

@@ -58,10 +58,9 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
         When the folder does not exist, the path is a folder or a device, or the system refuses.
     """
     target = Path(path)
-    if target.is_dir():
-        raise OutputError(f"cannot write {str(target)!r}: it is a folder; give the name of a file")
     if target.exists() and not target.is_file():
-        raise OutputError(f"cannot write {str(target)!r}: it is a device or a pipe; give the name of a file")
+        kind = "folder" if target.is_dir() else "device or a pipe"
+        raise OutputError(f"cannot write {str(target)!r}: it is a {kind}; give the name of a file")
     with _writing(target):
         settle(target)
         with _hold_new(target, Path.touch) as temporary:

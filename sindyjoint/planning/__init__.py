@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Any
 
 import numpy as np
 
@@ -136,10 +135,8 @@ def _highest_of(law: Law, actuator: Actuator, frequency: float, waveform: str, g
             raise InputError(f"no level at {frequency:g} Hz is within the limits")
     for _ in range(16):
         middle = 0.5 * (low + high)
-        if within_limits(law, actuator, frequency, middle, waveform):
-            low = middle
-        else:
-            high = middle
+        kept = within_limits(law, actuator, frequency, middle, waveform)
+        low, high = (middle, high) if kept else (low, middle)
         if high - low < 1e-3 * low:
             break
     return low
@@ -149,10 +146,8 @@ def _first_guess(laws: Sequence[Law], actuator: Actuator, frequency: float) -> f
     """Return about the highest level: by the limits, and the softening of the joints."""
     softening = min(min(abs(end) for end in law.softening_limit) for law in laws)
     angle = min(actuator.angle, actuator.rate / (2 * pi * frequency), softening)
-    if actuator.drive == "angle" and angle < inf:
-        return angle
     if actuator.drive == "angle":
-        return 1e-3
+        return angle if angle < inf else 1e-3
     if angle == inf:
         return actuator.moment if actuator.moment < inf else 1.0
     at = np.array([angle])
@@ -201,16 +196,12 @@ def candidates(
             say(f"highest level at {frequency:g} Hz")
             top = highest_level(laws, actuator, frequency, waveform)
             level_of = _levels(middle, actuator.drive, frequency, top, waveform)
-
-            def planned(
-                share: float, frequency: float = frequency, level_of: Any = level_of, waveform: str = waveform
-            ) -> PlannedRun:
-                return PlannedRun(actuator.drive, waveform, frequency, level_of(share), unit, duration)
-
-            if waveform in waveforms:
-                found += [planned(share) for share in policy.levels]
-            if waveform == SINE and frequency in plain:
-                grid += [planned(share) for share in policy.levels[::2]]
+            made = [
+                PlannedRun(actuator.drive, waveform, frequency, level_of(share), unit, duration)
+                for share in policy.levels
+            ]
+            found += made if waveform in waveforms else []
+            grid += made[::2] if waveform == SINE and frequency in plain else []
     return tuple(found), tuple(grid)
 
 

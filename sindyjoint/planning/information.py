@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import JointModel
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.limits import DISCOVERY, STATES
 from sindyjoint.numeric import Array, partials
 from sindyjoint.planning import POINTS, PlannedRun, motion
@@ -60,9 +60,11 @@ class Sensors:
     angle_resolution: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(f"{name} is {value!r}; expected a positive number")
+        refuse(
+            (not (np.isfinite(value) and value > 0), f"{name} is {value!r}; expected a positive number")
+            for name, value in vars(self).items()
+            if value is not None
+        )
 
     def of(self, moment: Array, angle: Array) -> tuple[float, float]:
         """Return the RMS noise of moment and angle in a run, that of the resolution included."""
@@ -316,11 +318,9 @@ def changes_over_band(information: Information, frequencies: Sequence[float]) ->
     groups = np.unique(frequencies)
     if groups.size < 3:
         return np.full(information.meat.shape[1:-1], np.inf)
-    variance = []
-    for frequency in groups:
-        runs = np.flatnonzero(np.isclose(frequencies, frequency))
-        variance.append((half_widths(information.take(list(runs))) / 1.96) ** 2)
-    weight = 1 / np.maximum(np.array(variance), 1e-300)
+    runs = [np.flatnonzero(np.isclose(frequencies, frequency)).tolist() for frequency in groups]
+    errors = np.array([half_widths(information.take(each)) for each in runs]) / 1.96
+    weight = 1 / np.maximum(errors**2, 1e-300)
     f = groups[:, None, None]
     total = np.maximum(weight.sum(axis=0), 1e-300)
     spread = np.sum(weight * (f - (weight * f).sum(axis=0) / total) ** 2, axis=0)

@@ -235,8 +235,11 @@ class Plan(Shown):
 PLAN_NAME = "plan.toml"
 # Of a joint that turns, and of one that slides.
 UNITS = {"moment": ("N*m", "N"), "angle": ("rad", "m"), "rate": ("rad/s", "m/s")}
-# What the sensors read.
-READ = ("moment", "angle")
+# What sensors may have of each channel, by the keys of the file.
+OF_CHANNELS = {
+    "moment_noise": "moment", "moment_resolution": "moment_resolution",
+    "angle_noise": "angle", "angle_resolution": "angle_resolution",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -266,19 +269,20 @@ class _PlanEntry:
 
 def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
     """Return runs and sensors as the text of ``plan.toml``."""
+    slides = runs[0].unit in ("N", "m")
+    known = {key: getattr(sensors, name) for key, name in OF_CHANNELS.items()}
     lines = [
         "# Runs to be made, in this order. Play them: sindyjoint simulate --plan plan.toml --out virtual",
         "",
         "[sensors]",
         f'rate = "{sensors.sample_rate!r} Hz"',
         f"noise = {sensors.noise!r}  # RMS of a sample, of each channel's RMS, where the unit's is not given",
+        *(
+            f'{key} = "{value!r} {UNITS[key.partition("_")[0]][slides]}"'
+            for key, value in known.items()
+            if value is not None
+        ),
     ]
-    slides = runs[0].unit in ("N", "m")
-    for name in READ:
-        units, noise = UNITS[name], getattr(sensors, name)
-        lines += [f'{name}_noise = "{noise!r} {units[slides]}"'] * (noise is not None)
-        step = getattr(sensors, f"{name}_resolution")
-        lines += [f'{name}_resolution = "{step!r} {units[slides]}"'] * (step is not None)
     for run in runs:
         lines += [
             "",
@@ -315,12 +319,11 @@ def read_plan(path: str | Path) -> tuple[tuple[PlannedRun, ...], Sensors]:
                 "positive numbers"
             )
         runs.append(PlannedRun(one.drive, one.waveform, frequency, level, unit, duration))
-    given: dict[str, Any] = {}
-    for name in READ:
-        for key, of in ((f"{name}_noise", name), (f"{name}_resolution", f"{name}_resolution")):
-            text = getattr(entry.sensors, key)
-            if text is not None:
-                given[of], _ = parse_channel(text, name, f"{place}: {key}")
+    given: dict[str, Any] = {
+        of: parse_channel(text, key.partition("_")[0], f"{place}: {key}")[0]
+        for key, of in OF_CHANNELS.items()
+        if (text := getattr(entry.sensors, key)) is not None
+    }
     rate = parse_quantity(entry.sensors.rate, "Hz", f"{place}: rate")
     return tuple(runs), Sensors(rate, entry.sensors.noise, **given)
 

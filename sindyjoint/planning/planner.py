@@ -133,9 +133,8 @@ class Planner:
         joint, known = self.known.joint, self.known.expanded(DRAWS)
         joints = joint.draws(DRAWS, self.random_state + 1)
         coefficients = np.array([one.coefficients for one in joints])
-        information = known
-        if runs:
-            information = self._information(runs, joints, "what the plan tells").with_runs(known)
+        told = self._information(runs, joints, "what the plan tells").with_runs(known) if runs else None
+        information = told or known
         assert information is not None  # without runs there is a campaign
         grid, of_grid = self._of_grid(grid, joints, known)
         curve = self._curve((runs, information), (grid, of_grid), coefficients)
@@ -235,18 +234,18 @@ def _beyond_tested(known: Prior, runs: Sequence[PlannedRun]) -> tuple[str, ...]:
     law, tested = model_law(known.joint.model), known.tested
     if tested is None or not runs:
         return ()
-    reached = dict.fromkeys(("moment", "angle", "rate"), 0.0)
+    moved = []
     for run in runs:
         # A joint of the range does, near its limits.
         with suppress(SimulationError):
-            moved = motion(law, run.drive, run.frequency, run.level, waveform=run.waveform)
-            reached = {
-                name: max(far, float(np.abs(getattr(moved, name)).max())) for name, far in reached.items()
-            }
+            moved.append(motion(law, run.drive, run.frequency, run.level, waveform=run.waveform))
+    reached = {
+        name: max((float(np.abs(getattr(each, name)).max()) for each in moved), default=0.0)
+        for name in ("moment", "angle", "rate")
+    }
     driven = [run.frequency * at for run in runs for at in driven_at(run.waveform)]
     slides = known.joint.model.joint.motion != "rotation"
-    units = [UNITS[name][slides] for name in reached]
-    found = tested.beyond(reached, driven, units)
+    found = tested.beyond(reached, driven, [UNITS[name][slides] for name in reached])
     lines = [f"the planned runs leave the tested range: {found}"] if found else []
     if tested.band and tested.band[0] >= tested.band[1] * (1 - 1e-3):
         lines.append(

@@ -178,30 +178,30 @@ def tested_by(campaign: Campaign) -> Tested:
         # A run without states shows nothing; that it has none is said by the check of the data.
         with suppress(SindyJointError):
             states.append(force_states(run))
+    timed = not campaign.quasi_static
     # The largest of n samples of noise is not the joint's.
     beyond = [s.noise.moment * float(np.sqrt(2 * np.log(s.moment.size))) for s in states]
     largest = {
-        "moment": max(
-            (float(np.abs(s.moment).max()) - n for s, n in zip(states, beyond, strict=True)), default=0.0
-        ),
-        "angle": max((float(np.abs(s.angle).max()) for s in states), default=0.0),
-        "rate": max((float(np.abs(s.rate).max()) * (not campaign.quasi_static) for s in states), default=0.0),
+        "moment": [float(np.abs(s.moment).max()) - n for s, n in zip(states, beyond, strict=True)],
+        "angle": [float(np.abs(s.angle).max()) for s in states],
+        "rate": [float(np.abs(s.rate).max()) * timed for s in states],
     }
-    frequencies = [s.frequency for s in states if s.frequency]
-    return Tested(
-        {name: value for name, value in largest.items() if value > 0},
-        (min(frequencies), max(frequencies)) if frequencies else None,
+    return _tested(
+        {name: max(values, default=0.0) for name, values in largest.items()},
+        [s.frequency for s in states if s.frequency],
     )
+
+
+def _tested(largest: Mapping[str, float], frequencies: Sequence[float]) -> Tested:
+    band = (min(frequencies), max(frequencies)) if frequencies else None
+    return Tested({name: value for name, value in largest.items() if value > 0}, band)
 
 
 def tested_of(model: JointModel) -> Tested | None:
     """Return to what a model was tested; nothing of one that was fitted to no data."""
     fitted = model.fitted
-    if not fitted.samples:
-        return None
     largest = {"angle": fitted.angle, "rate": fitted.rate}
-    band = (min(fitted.frequencies), max(fitted.frequencies)) if fitted.frequencies else None
-    return Tested({name: value for name, value in largest.items() if value > 0}, band)
+    return _tested(largest, fitted.frequencies) if fitted.samples else None
 
 
 @dataclass(frozen=True, eq=False)

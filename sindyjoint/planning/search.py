@@ -213,10 +213,10 @@ def made_small(
     """Return what a goal makes small, of each joint; with noise the scatter of reported intervals is drawn."""
     if goal == PAPER:
         return np.asarray(1 / np.maximum(margins(information, coefficients)[:, [*terms]].min(axis=1), 1e-12))
-    if goal == FREQUENCY:
-        widths = changes_over_band(information, frequencies)
-    else:
-        widths = half_widths(information, noise, draws)
+    over_band = goal == FREQUENCY
+    widths = (
+        changes_over_band(information, frequencies) if over_band else half_widths(information, noise, draws)
+    )
     return np.asarray((widths / np.maximum(np.abs(coefficients), 1e-300))[..., [*terms]].max(axis=-1))
 
 

@@ -75,10 +75,8 @@ def _standstill(run: Run) -> str:
         return ""
     try:
         force_states(run)
-    except StandstillError as error:
-        return str(error)
-    except SindyJointError:  # for what asks for the states to say
-        return ""
+    except SindyJointError as error:  # other reasons are for what asks for the states to say
+        return str(error) if isinstance(error, StandstillError) else ""
     return ""
 
 

@@ -16,6 +16,7 @@ from sindyjoint.files.drafting.assignment import Question
 from sindyjoint.files.drafting.draft import Draft, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
 from sindyjoint.files.manifest import MANIFEST_NAME, Channel, Manifest, TimeChannel
+from sindyjoint.text import in_columns
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,6 @@ class Initialised(Described):
             (u.file, "–" if u.column is None else str(u.column), u.quantity, u.unit or "–", u.why)
             for u in draft.columns[:SHOWN]
         ]
-        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
         kinds, said = [(run.frequency, run.level) for run in draft.runs], []
         for run in draft.runs[:SHOWN]:
             rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
@@ -67,7 +67,7 @@ class Initialised(Described):
         guesses = ((each.key, each.guess) for each in draft.questions[: SHOWN // 2])
         return [
             f"{self.manifest}: {len(draft.runs)} {kind}, {draft.motion}",
-            *("  " + "  ".join(map(str.ljust, row, wide)).rstrip() for row in rows),
+            *(f"  {line}" for line in in_columns(rows)),
             *_more(draft.columns, " columns"),
             *said,
             *_more(draft.runs, ""),
