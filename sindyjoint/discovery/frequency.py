@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from sindyjoint.described import Maybe
 from sindyjoint.discovery import Evidence, fit_columns
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
@@ -169,12 +169,19 @@ def frequency_test(
         For fewer than three frequencies, shapes that differ, or values that are not finite.
     """
     f, x = np.asarray(frequencies, dtype=float), np.asarray(estimates, dtype=float)
-    if f.shape != x.shape or f.ndim != 1 or np.unique(f).size < 3:
-        raise InputError(
-            f"{name}: estimates of shape {x.shape} at {np.unique(f).size} frequencies; expected three or more"
-        )
-    if not (np.all(np.isfinite(f)) and np.all(np.isfinite(x)) and margin > 0):
-        raise InputError(f"{name}: expected frequencies, estimates and a positive margin, all finite")
+    count, finite = np.unique(f).size, np.all(np.isfinite(f)) and np.all(np.isfinite(x))
+    refuse(
+        [
+            (
+                f.shape != x.shape or f.ndim != 1 or count < 3,
+                f"{name}: estimates of shape {x.shape} at {count} frequencies; expected three or more",
+            ),
+            (
+                not (finite and margin > 0),
+                f"{name}: expected frequencies, estimates and a positive margin, all finite",
+            ),
+        ]
+    )
     band, nan = float(np.ptp(f)), float("nan")
     if standard_errors is None:
         # The scatter about the straight line gives the errors.

@@ -84,10 +84,13 @@ def parse_formula(text: str, parameters: Sequence[str] = (), states: Sequence[st
     ...
     sindyjoint.errors.FormulaError: formula "__import__('os')": the character "'" (a text) is not allowed; ...
     """
-    names = {name: symbol for name, symbol in zip(VARIABLES, variable_symbols(), strict=True)}
-    names.update({alias: names[name] for alias, name in ALIASES.items()})
-    names.update({name: state_symbol(name) for name in states})
-    names.update({name: parameter_symbol(name) for name in parameters})
+    motion = dict(zip(VARIABLES, variable_symbols(), strict=True))
+    names = {
+        **motion,
+        **{alias: motion[name] for alias, name in ALIASES.items()},
+        **{name: state_symbol(name) for name in states},
+        **{name: parameter_symbol(name) for name in parameters},
+    }
     return build_expression(text, names, tuple(parameters))
 
 

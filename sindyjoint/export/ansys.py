@@ -60,8 +60,6 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
     rig : str or Path
         Name or file of the rig; every joint of it is given the model.
     """
-    from sindyjoint.export.ansys import rig_deck
-
     cycles, elements = Cycles.of(model), _Elements(Parts.of(model))
     added, rows_of_elements = written_as(
         model, cycles, lambda kind: WAYS.get(type(kind), ""), "COMBIN40, K1 and FSLIDE"

@@ -179,9 +179,9 @@ def _power(term: ModelTerm, variable: str) -> tuple[int, float] | None:
 
 def _way(kind: Kind | None) -> str:
     """Return what MuJoCo has for a kind of element."""
-    if isinstance(kind, BoucWen):
-        return "dcmotor, lugre without its rise" if kind.n == 1 and not kind.gamma else ""
+    dahl = isinstance(kind, BoucWen) and kind.n == 1 and not kind.gamma
     ways = {
+        BoucWen: "dcmotor, lugre without its rise" if dahl else "",
         Gap: "fixed tendon with a dead band, springyield",
         Maxwell: "dcmotor, shorted: its inductance is the spring",
         LuGre: "dcmotor, lugre",

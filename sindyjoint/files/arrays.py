@@ -198,19 +198,21 @@ def campaign_from_frames(
     labels = name_levels([""] * len(runs), peaks, KEYS[found][quantity][1]) if level is None else level
     made = []
     for i, (title, (signals, sample_rate)) in enumerate(zip(frames, runs, strict=True)):
-        known: dict[str, Any] = {"level": _of(labels, i, len(runs)), "use": _of(use, i, len(runs))}
         asked = _of(frequency, i, len(runs))
-        if time is None:
-            asked = None if asked == FOUND else asked
-            moment, angle = signals["moment"], signals["angle"]
-            made.append(travelled_run(title, moment, angle, values[i], frequency=asked, **known))
-            continue
         if asked == FOUND:
-            motion_signal = signals["angle" if "angle" in signals else "acceleration"]
-            known["frequency"] = find_frequency(motion_signal, signals["moment"], sample_rate, title)
-        else:
-            known["frequency"] = parse_optional(asked, "Hz", "frequency")
-        made.append(measured_run(title, signals, sample_rate, inputs=values[i], **known))
+            moving = signals["angle" if "angle" in signals else "acceleration"]
+            asked = None if time is None else find_frequency(moving, signals["moment"], sample_rate, title)
+        known: dict[str, Any] = {
+            "level": _of(labels, i, len(runs)),
+            "use": _of(use, i, len(runs)),
+            "frequency": parse_optional(asked, "Hz", "frequency"),
+            "inputs": values[i],
+        }
+        made.append(
+            travelled_run(title, signals["moment"], signals["angle"], **known)
+            if time is None
+            else measured_run(title, signals, sample_rate, **known)
+        )
     key, unit = KEYS[found]["inertia"]
     joint = Joint(name, found, parse_optional(inertia, unit, key))
     return Campaign(joint, tuple(made), simulated=simulated, inputs=tuple(declared))

@@ -88,11 +88,10 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
     channels = manifest.channels
     skew = channels.skew if channels.skew is not None else channels.skew_removed
     try:
-        simulated = manifest.simulated or loader.simulated
         return Campaign(
             joint,
             runs,
-            simulated=simulated,
+            simulated=manifest.simulated or loader.simulated,
             skew=parse_optional(skew, "s", f"{file}: [channels] skew"),
             notes=notes,
             guessed=tuple(manifest.guessed),
@@ -195,8 +194,8 @@ class _RunLoader:
         path = self.file.parent / table.file
         frequency = parse_optional(table.frequency, "Hz", f"{entry} frequency")
         first = rows is None
-        apart = table.rows is not None
-        whole = self._cut_long_run(path, index, channels, frequency) if first and not apart else None
+        possible = first and table.rows is None
+        whole = self._cut_long_run(path, index, channels, frequency) if possible else None
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
         blocks = None if rows is None else open_blocks(path, channels.skip)

@@ -423,10 +423,13 @@ def read_table(path: str | Path, skip: int | None = None) -> tuple[Table, str]:
     with suppress(OSError):
         check_bytes(file, check_regular(file))
     data = read_regular(file)
-    if not data:
-        raise InputError(f"{file}: is empty")
-    if skip is not None and READERS[ending][1] not in WITH_PREAMBLE:
-        raise InputError(f"{file}: skip = {skip} was given; only text tables and sheets have lines to skip")
+    skipped = skip is not None and READERS[ending][1] not in WITH_PREAMBLE
+    refuse(
+        [
+            (not data, f"{file}: is empty"),
+            (skipped, f"{file}: skip = {skip} was given; only text tables and sheets have lines to skip"),
+        ]
+    )
     content = _unpacked(file, data) if file.suffix.lower() == PACKED else data
     return _read(file, content, skip), hashlib.sha256(data).hexdigest()
 

@@ -402,11 +402,12 @@ class _Elements:
 
     def __init__(self, path: Path, data: bytes, order: str, at: int = 0, depth: int = 0):
         self.path, self.data, self.order, self.at, self.depth = path, data, order, at, depth
-        if depth > DEEPEST:
-            raise self.damaged(f"structs are nested deeper than {DEEPEST} levels")
+        self.check(depth <= DEEPEST, f"structs are nested deeper than {DEEPEST} levels")
 
-    def damaged(self, why: str) -> InputError:
-        return InputError(f"{self.path}: cannot be read as MATLAB: {why}; it may be truncated or damaged")
+    def check(self, sound: object, why: str) -> None:
+        """Refuse the file where something of it is not as it must be."""
+        if not sound:
+            raise InputError(f"{self.path}: cannot be read as MATLAB: {why}; it may be truncated or damaged")
 
     def variables(self) -> Iterator[tuple[str, NDArray[Any]]]:
         total = 0
@@ -421,28 +422,25 @@ class _Elements:
                 yield from self.matrix(data)
 
     def unpack(self, data: bytes) -> bytes:
-        decompressor = zlib.decompressobj()
+        decompressor, unpacked = zlib.decompressobj(), b""
         try:
             unpacked = decompressor.decompress(data, largest_bytes() + 1)
         except zlib.error as error:
-            raise self.damaged(str(error)) from None
+            self.check(False, str(error))
         check_bytes(self.path, len(unpacked))
-        if not decompressor.eof:
-            raise self.damaged("a compressed part ends too early")
+        self.check(decompressor.eof, "a compressed part ends too early")
         return unpacked
 
     def next(self) -> tuple[int, bytes]:
         """Return code and bytes of the next element, and go on behind it."""
-        if self.at + 8 > len(self.data):
-            raise self.damaged("it ends within the head of a part")
+        self.check(self.at + 8 <= len(self.data), "it ends within the head of a part")
         code, size = struct.unpack_from(self.order + "II", self.data, self.at)
         start, small = self.at + 8, code >> 16
         if small:  # four bytes at most stand in the head itself
             code, size, start = code & 0xFFFF, small, self.at + 4
-            if size > 4:
-                raise self.damaged(f"a short part has {size} bytes")
-        if size > len(self.data) - start:
-            raise self.damaged(f"a part announces {size} bytes and {len(self.data) - start} are there")
+            self.check(size <= 4, f"a short part has {size} bytes")
+        there = len(self.data) - start
+        self.check(size <= there, f"a part announces {size} bytes and {there} are there")
         padding = 0 if code == COMPRESSED else -(start + size - self.at) % 8
         self.at = start + size + padding
         return code, self.data[start : start + size]
@@ -450,11 +448,9 @@ class _Elements:
     def numbers(self) -> NDArray[Any]:
         """Return the next element as numbers."""
         code, data = self.next()
-        if code not in NUMBERS:
-            raise self.damaged(f"numbers of type {code} are unknown")
+        self.check(code in NUMBERS, f"numbers of type {code} are unknown")
         kind = np.dtype(self.order + NUMBERS[code])
-        if len(data) % kind.itemsize:
-            raise self.damaged(f"{len(data)} bytes are no whole number of {kind.name}")
+        self.check(len(data) % kind.itemsize == 0, f"{len(data)} bytes are no whole number of {kind.name}")
         return np.frombuffer(data, kind)
 
     def matrix(self, data: bytes, prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
@@ -464,8 +460,8 @@ class _Elements:
         name = prefix or inner.next()[1].decode("latin-1")
         if prefix:
             inner.next()
-        if not flags.size or not 2 <= len(shape) <= 32 or min(shape) < 0:
-            raise self.damaged(f"an array has the shape {shape!s:.60}")
+        possible = flags.size and 2 <= len(shape) <= 32 and min(shape) >= 0
+        self.check(possible, f"an array has the shape {shape!s:.60}")
         kind, marks = int(flags[0]) & 0xFF, int(flags[0])
         if kind == STRUCT and name:
             lengths, names = inner.numbers(), inner.next()[1]
@@ -481,27 +477,26 @@ class _Elements:
             ending = ("-le" if self.order == "<" else "-be") if code in (4, 17) else ""
             text = letters.decode(ENCODINGS.get(code, "latin-1") + ending, "replace")
             rows = shape[0] if text else 1  # which stand side by side
-            if rows > max(len(text), 1):
-                raise self.damaged(f"a matrix of letters of shape {shape!s:.60} has {len(text)} letters")
+            enough = rows <= max(len(text), 1)
+            self.check(enough, f"a matrix of letters of shape {shape!s:.60} has {len(text)} letters")
             for row in range(rows):
                 yield f"{name}{{{row + 1}}}" if rows > 1 else name, np.array(text[row::rows].rstrip())
         elif kind in CLASSES and not marks & COMPLEX and name:
             check_array(self.path, shape, np.dtype(CLASSES[kind]).itemsize)
             values = inner.numbers()
-            if values.size != math.prod(shape):
-                raise self.damaged(f"an array of shape {shape!s:.60} has {values.size} numbers")
+            whole = values.size == math.prod(shape)
+            self.check(whole, f"an array of shape {shape!s:.60} has {values.size} numbers")
             with np.errstate(all="ignore"):
                 yield name, values.astype("?" if marks & LOGICAL else CLASSES[kind]).reshape(shape, order="F")
 
     def fields(self, name: str, lengths: NDArray[Any], names: bytes) -> Iterator[tuple[str, NDArray[Any]]]:
         """Yield the arrays of the fields of one struct, whose names have a length each."""
         length = int(lengths[0]) if lengths.size else 0
-        if length < 1 or len(names) % length:
-            raise self.damaged(f"the names of the fields of {name!r:.40} are damaged")
+        whole = length >= 1 and len(names) % length == 0
+        self.check(whole, f"the names of the fields of {name!r:.40} are damaged")
         for at in range(0, len(names), length):
             field = names[at : at + length].split(b"\0")[0].decode("latin-1")
             code, data = self.next()
-            if code != MATRIX:
-                raise self.damaged(f"field {field!r:.40} is of type {code}")
+            self.check(code == MATRIX, f"field {field!r:.40} is of type {code}")
             if data:
                 yield from self.matrix(data, f"{name}.{field}")
