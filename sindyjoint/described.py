@@ -150,8 +150,11 @@ def _attribute(kind: type, name: str) -> tuple[Any, str, str]:
     else:
         annotation = getter.__annotations__["return"]
         more = words = cleandoc(getter.__doc__ or "").split("\n\n")[0]
-    named = SimpleNamespace(__annotations__={name: annotation})
-    hints = get_type_hints(named, vars(sys.modules[owner.__module__]), include_extras=True)
+    hints = get_type_hints(
+        SimpleNamespace(__annotations__={name: annotation}),
+        vars(sys.modules[owner.__module__]),
+        include_extras=True,
+    )
     return hints[name], more, " ".join(words.split())
 
 

@@ -109,8 +109,7 @@ def spelled(identifier: str, motion: str = "rotation") -> str:
     >>> spelled("constant_moment", "translation")
     'constant force'
     """
-    words = _PATTERN.sub(lambda found: _NAMES[found[0]], identifier.replace("_", " "))
-    return in_words_of(motion, words)
+    return in_words_of(motion, _PATTERN.sub(lambda found: _NAMES[found[0]], identifier.replace("_", " ")))
 
 
 # What a value had to be, by the kind of complaint of the validation library: its words mean nothing to a user.
@@ -148,8 +147,7 @@ def expectation(complaint: Mapping[str, Any]) -> str:
     """
     known = _EXPECTED.get(complaint["type"])
     if known is None:
-        message = str(complaint["msg"]).removeprefix("Value error, ")
-        return re.sub(r"^[Ii]nput should be", "expected", message)
+        return re.sub(r"^[Ii]nput should be", "expected", str(complaint["msg"]).removeprefix("Value error, "))
     return known.format(**complaint.get("ctx", {}))
 
 

@@ -189,8 +189,7 @@ def export(
             return
         for path in paths:
             typer.echo(f"wrote {path}", err=True)
-    missing = [f"not carried: {text}" for text in result.not_carried]
-    for line in [*fidelity_lines(result.fidelity), *missing]:
+    for line in (*fidelity_lines(result.fidelity), *(f"not carried: {text}" for text in result.not_carried)):
         typer.echo(line, err=True)
 
 

@@ -118,8 +118,9 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
             row, column = divmod(index, columns)
             # Of an odd number of panels in two columns the last takes the whole row.
             single = columns == 2 and index == len(panels) - 1 and column == 0
-            cell_spec = grid[row, :] if single else grid[row, column]
-            ax = figure.add_subplot(cell_spec, projection=chosen.projection)
+            ax = figure.add_subplot(
+                grid[row, :] if single else grid[row, column], projection=chosen.projection
+            )
             panel(data, ax)
             _plain_ticks(ax)
         # Once: panels that are laid out again while they are written would cost as much as their drawing.

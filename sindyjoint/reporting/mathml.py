@@ -110,8 +110,8 @@ def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
 
     ``further`` names moments that are no terms of a joint model; they are added by name.
     """
-    named = [_named_moment(name, model.joint.motion) for name in further]
-    return MATHML.equation(model.joint, model.terms, model.elements, named)
+    moments = [_named_moment(name, model.joint.motion) for name in further]
+    return MATHML.equation(model.joint, model.terms, model.elements, moments)
 
 
 def effect_mathml(effect: FittedEffect, motion: str) -> str:
@@ -123,5 +123,4 @@ def effect_mathml(effect: FittedEffect, motion: str) -> str:
 
 
 def _named_moment(name: str, motion: str) -> str:
-    letter = MATHML.loads[motion == "translation"]
-    return f"<msub>{letter}<mtext>{escape(name)}</mtext></msub>"
+    return f"<msub>{MATHML.loads[motion == 'translation']}<mtext>{escape(name)}</mtext></msub>"

@@ -51,10 +51,9 @@ def text_of(result: Any) -> str:
         # What to do next stands at the end, and stays.
         last = text[text.index(NEXT) - 1 :] if NEXT in text else []
         last = last if len(last) < LINES // 2 else []
-        more = len(text) - LINES + 1
         text = [
             *text[: LINES - 1 - len(last)],
-            f"... and {more} more lines; .report(folder) writes everything",
+            f"... and {len(text) - LINES + 1} more lines; .report(folder) writes everything",
             *last,
         ]
     return "\n".join(line.rstrip() for line in text)
@@ -121,8 +120,11 @@ def plot(result: Any, kind: str | None, ax: Axes | None) -> Any:
         return draw(name, result)
     view, data, _, panels = panels_of(name, result)
     if len(panels) != 1:
-        known = view.figures(data).items()
-        single = [other for other, made in known if len(made.panels(data)) == 1 and not made.projection]
+        single = [
+            other
+            for other, made in view.figures(data).items()
+            if len(made.panels(data)) == 1 and not made.projection
+        ]
         raise InputError(
             f"figure {name!r} has {len(panels)} panels and one pair of axes was given; expected one of "
             f"{', '.join(single)}, or no axes"
@@ -202,8 +204,9 @@ def write_results(
     target = place_of(name, folder)
     data = view.gather(result)
     pictures = draw_all(data)
-    inputs = [*files, *view.inputs(result)]
-    origin = provenance(view.campaign(result), view.seed(result, seed), command_line, inputs)
+    origin = provenance(
+        view.campaign(result), view.seed(result, seed), command_line, [*files, *view.inputs(result)]
+    )
     texts = {
         DATA_FILE: saved_text(data),
         PAGE: view.html(result, data, origin, pictures, target),

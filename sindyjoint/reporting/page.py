@@ -132,8 +132,12 @@ Section = dict[str, Any]
 
 def section(id: str, heading: str, link: str, *blocks: str) -> Section:
     """Return a part of a page of blocks that :class:`Blocks` makes; empty ones are left out."""
-    shown = [block for block in blocks if block and block.strip()]
-    return {"id": id, "heading": heading, "link": link, "blocks": shown}
+    return {
+        "id": id,
+        "heading": heading,
+        "link": link,
+        "blocks": [block for block in blocks if block and block.strip()],
+    }
 
 
 @dataclass(frozen=True)

@@ -174,7 +174,7 @@ class _Placed:
         followed = [self._mode(structure, number, limits, varied) for number in range(1, modes + 1)]
         balance = Balance.of(structure, self.at, self.point, harmonics=self.harmonics or FOLLOWED)
         responses = []
-        for level in levels or self._levels(structure, followed[0]):
+        for level in levels or self._levels(followed[0]):
             self.say(f"frequency response at {level:g} N")
             found = frequency_response(
                 balance,
@@ -209,31 +209,30 @@ class _Placed:
             tested=self.tested,
         )
 
-    def _levels(self, structure: Structure, mode: ModeCurve) -> list[float]:
+    def _levels(self, mode: ModeCurve) -> list[float]:
         """Return forces that hold the first mode where joints begin to slip, on the way, and near its end."""
         last = mode.amplitude[-1]
         first = mode.amplitude[0]
         slips = mode.slips[np.isfinite(mode.slips)]
         if slips.size and slips.min() > 0:
             first = 1.5 * float(slips.min())
-        wanted = (first, float(np.sqrt(first * last)), 0.85 * last)
-        forces = np.interp(wanted, mode.amplitude, mode.force)
+        forces = np.interp((first, np.sqrt(first * last), 0.85 * last), mode.amplitude, mode.force)
         return [float(f"{force:.1e}") for force in forces]
 
     def _warnings(self, found: ForcedResponse, ends: Array) -> list[str]:
         warnings = []
-        names = [hinge.name for hinge in self.structure.hinges]
         unit = "rad" if self.motion == "rotation" else "m"
         peaks = found.angle.max(axis=1)
-        for name, peak, end, tested in zip(names, peaks, ends, self.tested, strict=True):
+        for hinge, peak, end, tested in zip(self.structure.hinges, peaks, ends, self.tested, strict=True):
             if peak > end:
                 warnings.append(
-                    f"at {found.force:g} N {name} passes its softening limit at {found.frequency[-1]:.4g} Hz, where "
-                    "the curve ends; lower the force"
+                    f"at {found.force:g} N {hinge.name} passes its softening limit at {found.frequency[-1]:.4g} Hz, "
+                    "where the curve ends; lower the force"
                 )
             elif peak > tested:
                 warnings.append(
-                    f"at {found.force:g} N {name} moves up to {peak:.3g} {unit} where {tested:.3g} {unit} was tested"
+                    f"at {found.force:g} N {hinge.name} moves up to {peak:.3g} {unit} where {tested:.3g} {unit} was "
+                    "tested"
                 )
         return warnings
 

@@ -341,8 +341,7 @@ def _make_prior(
         assert before is not None
         return Prior(before), Sensors()
     found, made = _discovered(campaign, () if before is None else before.model.ids, seed, say)
-    evidence = found.regressor.evidence_
-    known = prior_of_runs(found.model, evidence, found.states, made, before)
+    known = prior_of_runs(found.model, found.regressor.evidence_, found.states, made, before)
     if before is None:
         known = replace(known, joint=known.joint.narrowed(ranges))
     return known, measured_sensors(found.states)

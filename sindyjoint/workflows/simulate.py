@@ -280,8 +280,7 @@ class RigMotion(Shown):
     @property
     def last_slips(self) -> Array:
         """Time at which each joint slips for the last time, s; zero for one that never does."""
-        moving = ~self.response.stuck
-        return np.array([self.response.time[row].max(initial=0.0) for row in moving])
+        return np.array([self.response.time[moving].max(initial=0.0) for moving in ~self.response.stuck])
 
     @property
     def duration(self) -> float:
@@ -291,8 +290,10 @@ class RigMotion(Shown):
     @property
     def points(self) -> tuple[PointMotion, ...]:
         """The points of the structure."""
-        places = self.response.displacement
-        return tuple(PointMotion(name, float(np.abs(values).max())) for name, values in places.items())
+        return tuple(
+            PointMotion(name, float(np.abs(values).max()))
+            for name, values in self.response.displacement.items()
+        )
 
     @property
     def joints(self) -> tuple[JointMotion, ...]:

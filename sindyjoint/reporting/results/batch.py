@@ -51,14 +51,13 @@ def _points(x: Any, result: Batch, scatter: CoefficientScatter, use: Any) -> lis
     values, errors = result.values[scatter.coefficient], result.errors[scatter.coefficient]
     out = np.zeros(values.size, dtype=bool)
     out[list(scatter.outliers)] = True
-    looks = (use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")
     return [
         (
             x[keep],
             values[keep],
             {"yerr": NORMAL95 * errors[keep], "fmt": mark, "color": color, "ms": 3.5, "elinewidth": 0.9},
         )
-        for keep, color, mark in looks
+        for keep, color, mark in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D"))
         if keep.any()
     ]
 
@@ -74,8 +73,10 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> None:
         (None, scatter.mean, {"color": INK, "lw": 0.9}),
         *_points(x, result, scatter, known),
     ]
-    title = spelled(term, result.motion)
-    plot(ax, "", replace(up, name=up.unit, unit=""), curves, title, xlim=(-0.7, values.size - 0.3))
+    plot(
+        ax, "", replace(up, name=up.unit, unit=""), curves, spelled(term, result.motion),
+        xlim=(-0.7, values.size - 0.3),
+    )  # fmt: skip
     for i in (i for i in scatter.outliers if known[i]):
         # Towards the middle, so that it stays on the paper.
         right = i < 0.6 * values.size

@@ -95,9 +95,8 @@ class CheckData:
 
 def gather_check(check: Check[Any]) -> CheckData:
     """Return what is drawn of a check."""
-    channels = sum(len(run.channels) for run in check.recorded)
     # Of the least and the largest value of so many segments the picture of a channel is made.
-    segments = int(np.clip(30_000 // max(channels, 1), 60, 450))
+    segments = int(np.clip(30_000 // max(sum(len(run.channels) for run in check.recorded), 1), 60, 450))
     return CheckData(
         check.name,
         check.motion,
@@ -169,8 +168,10 @@ def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> None:
     bottom = min(base.values())
     for mark in run.marks:
         low, height = (base[mark.channel], ROW) if mark.channel in base else (bottom, ROW - bottom)
-        bars = list(zip(mark.starts, mark.ends - mark.starts, strict=True))
-        ax.broken_barh(bars, (low - 0.06, height + 0.12), color=colours[mark.severity], alpha=0.45, lw=0)
+        ax.broken_barh(
+            list(zip(mark.starts, mark.ends - mark.starts, strict=True)), (low - 0.06, height + 0.12),
+            color=colours[mark.severity], alpha=0.45, lw=0,
+        )  # fmt: skip
     ticks: dict[float, str] = {}
     for trace in run.traces:
         least, most, at = float(trace.values.min()), float(trace.values.max()), base[trace.channel]

@@ -49,11 +49,11 @@ def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) 
     """Return a row for each term, and for what a search was not given; a column for each choice, best first."""
     whole = {
         "method": ("methods", "Methods against terms"),
+        "frequency": ("frequencies", "Each single frequency against terms"),
         "library": ("libraries", "Libraries against terms"),
         "friction law": ("friction-laws", "Laws of friction under the load"),
     }
-    several = {"frequency": "frequencies"}.get(by, f"{by}s")
-    name, title = whole.get(by, (several, f"Each single {by} against terms"))
+    name, title = whole.get(by, (f"{by}s", f"Each single {by} against terms"))
     choices = _best_first(choices)
     held = [t for t in result.shown_ids if t in result.reference or any(choice[t] for choice in choices)]
     rows = [
@@ -237,8 +237,10 @@ def inclusion(result: Comparison, ax: Axes) -> None:
         xlim=(-0.5, len(terms) - 0.5), ylim=(len(rows) - 0.5, -0.5), yticks=range(len(rows)),
         yticklabels=[plain(shortened(name, 20)) for name, _ in rows], title=f"left of the line: {whose}",
     )  # fmt: skip
-    names = [spelled(term, result.motion) for term in terms]
-    ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
+    ax.set_xticks(
+        range(len(terms)), [spelled(term, result.motion) for term in terms], rotation=40, ha="right",
+        rotation_mode="anchor",
+    )  # fmt: skip
     ax.tick_params(length=0)
     ax.grid(color=RULE, linewidth=0.3)
 

@@ -50,8 +50,9 @@ def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> None
     beside = measure == "secant"
     curves.append((data.tested_angle or None, None, up_to))
     curves += [(data.curves[0].amplitude, data.curves[0].storage, storage)] * beside
-    largest = data.tested_angle or data.curves[0].amplitude[-1]
-    across = scaled(f"{quantities(data.motion).angle} amplitude", largest, angle)
+    across = scaled(
+        f"{quantities(data.motion).angle} amplitude", data.tested_angle or data.curves[0].amplitude[-1], angle
+    )
     up = scaled(name, [float(np.max(getattr(curve, measure))) for curve in data.curves], unit)
     plot(ax, across, up, curves, columns=2, xscale="log", yscale="linear" if beside else "log")
 
@@ -113,8 +114,12 @@ def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, dampin
 
 
 def _measure(name: str, measure: str, title: str, caption: str) -> Kind:
-    panel = partial(over_amplitude, measure=measure, name=title)
-    return Kind(name, f"{title} over amplitude", f"{caption}; dots: beyond what was tested.", fixed(panel))
+    return Kind(
+        name,
+        f"{title} over amplitude",
+        f"{caption}; dots: beyond what was tested.",
+        fixed(partial(over_amplitude, measure=measure, name=title)),
+    )
 
 
 JOINT_KINDS = by_name(

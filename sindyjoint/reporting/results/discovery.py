@@ -87,8 +87,10 @@ NO_MODEL = "No set of terms passed: these data give no model of this joint."
 
 def _tables(result: Discovery | ReportData) -> tuple[TextTable, ...]:
     """Return the terms, and the law over each input."""
-    over = result.over_inputs if isinstance(result, Discovery) else result.over
-    return (model_table(result.model), *map(over_table, over))
+    return (
+        model_table(result.model),
+        *map(over_table, result.over_inputs if isinstance(result, Discovery) else result.over),
+    )
 
 
 def _page(result: Discovery | ReportData, data: ReportData, show: Blocks) -> Page:

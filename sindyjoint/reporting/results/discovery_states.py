@@ -130,8 +130,10 @@ def _nodes(data: ReportData) -> Array:
 def map_counts(data: ReportData, ax: Axes) -> None:
     """Draw how many moving samples each cell holds."""
     counts = np.where(data.surface.filled, data.surface.count.astype(float), np.nan)
-    ends = (0.0, float(np.nanmax(counts)))
-    coloured_cells(ax, data.surface, data.model, counts, ends, "samples", "Moving samples per cell")
+    coloured_cells(
+        ax, data.surface, data.model, counts, (0.0, float(np.nanmax(counts))), "samples",
+        "Moving samples per cell",
+    )  # fmt: skip
 
 
 def map_residual(data: ReportData, ax: Axes) -> None:
@@ -199,8 +201,9 @@ def cut_at_centre(data: ReportData, ax: Axes) -> None:
         rates = np.concatenate([-positive[::-1], [np.nan], positive])
         # The mean angle within the cell: comparing at its middle would show the width of the cell as a misfit.
         angle = float(np.average(surface.angle[cells], weights=surface.count[cells]))
-        modelled = data.model.moment(np.full_like(rates, angle), rates)
-        curves.append((rates, modelled, {"color": INK, "label": "model"}))
+        curves.append(
+            (rates, data.model.moment(np.full_like(rates, angle), rates), {"color": INK, "label": "model"})
+        )
     at = f"{q.angle_symbol} = {centre * x.factor:.3g}" + (f" {x.unit}" if centre else "")
     plot(ax, y, z, curves, f"Cut at {at}")
 

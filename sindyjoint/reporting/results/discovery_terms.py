@@ -98,8 +98,10 @@ def threshold(data: ReportData, ax: Axes) -> None:
     ax.stairs([len(step.terms) for step in data.path], edges, baseline=None, color=PALETTE[0], linewidth=1.2)
     if data.chosen is not None:
         ax.axvspan(*edges[data.chosen : data.chosen + 2], color=PALETTE[4], alpha=0.25, linewidth=0)
-    title = f"Terms over the threshold{_chosen_note(data, 'shaded')}"
-    ax.set(xscale="log", xlabel="Threshold (unique share of the RMS)", ylabel="Terms kept", title=title)
+    ax.set(
+        xscale="log", xlabel="Threshold (unique share of the RMS)", ylabel="Terms kept",
+        title=f"Terms over the threshold{_chosen_note(data, 'shaded')}",
+    )  # fmt: skip
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_locator(LogLocator(numticks=7))
 
@@ -189,8 +191,10 @@ def covariance(data: ReportData, ax: Axes) -> None:
     matrix = correlation(model)
     names = [math_symbol(term.symbol) for term in model.terms]
     words = np.vectorize("{:.2f}".format)(matrix) if len(names) <= 9 else ()
-    colours = np.where(np.abs(matrix) > 0.6, FIXED_PAPER, FIXED_INK)
-    mesh = written_cells(ax, matrix, words, colours, (names, names), cmap=DIVERGING, vmin=-1, vmax=1)
+    mesh = written_cells(
+        ax, matrix, words, np.where(np.abs(matrix) > 0.6, FIXED_PAPER, FIXED_INK), (names, names),
+        cmap=DIVERGING, vmin=-1, vmax=1,
+    )  # fmt: skip
     colour_scale(ax, mesh, "correlation")
     ax.set_title("Correlation of the coefficients' errors")
 

@@ -242,10 +242,8 @@ def headline(result: Plan) -> str:
 
 def undetermined_words(result: Plan) -> str:
     """Return what no run of the plan determines, in words; empty where all is."""
-    if not result.undetermined:
-        return ""
     names = [spelled(name, result.model.joint.motion) for name in result.undetermined]
-    return f"stays undetermined, its interval holds zero: {list_some(names, 'terms')}"
+    return f"stays undetermined, its interval holds zero: {list_some(names, 'terms')}" * bool(names)
 
 
 def _trust(result: Plan) -> Trust:

@@ -136,8 +136,7 @@ def displacement(result: ReproductionFigures, ax: Axes, truth: str, until: float
         curves.append((run.time[kept], 1e3 * run.simulated[kept], look))
     title = TRUTHS[truth] if model else "Displacement of the free end"
     ax.margins(x=0.01)
-    legend = "above" if model else "none"
-    plot(ax, "Time (s)", "Displacement (mm)", curves, title, legend=legend, columns=2)
+    plot(ax, "Time (s)", "Displacement (mm)", curves, title, legend="above" if model else "none", columns=2)
 
 
 def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, draw: Callable[[Any, Axes], None]) -> None:
@@ -233,8 +232,10 @@ def _tables(result: Reproduction) -> tuple[TextTable, ...]:
     # Of two columns that only together name a row, one.
     rows = tuple((f"{table}, {parameter}", *others) for table, parameter, *others in checks.rows)
     columns = (", ".join(checks.columns[:2]), *checks.columns[2:])
-    joints = tuple(map(joint_table, result.joints))
-    return *joints, replace(checks, title=f"{checks.title}.", columns=columns, rows=rows)
+    return (
+        *map(joint_table, result.joints),
+        replace(checks, title=f"{checks.title}.", columns=columns, rows=rows),
+    )
 
 
 def _trust(result: Reproduction) -> Trust:

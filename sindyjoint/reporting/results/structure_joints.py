@@ -68,9 +68,10 @@ def _loop(loop: RecoveredLoop, ax: Axes) -> None:
     recovered = {"color": PALETTE[0], "label": "recovered"}
     found = {"color": ACCENT, "ls": "none", "marker": ".", "ms": 2, "label": "found law, moving"}
     curves: list[Curve] = [(1e3 * loop.angle, loop.moment, recovered), (1e3 * loop.angle, loop.law, found)]
-    title = f"{loop.joint}, {loop.run}"
-    shown = curves[: 1 + bool(np.isfinite(loop.law).any())]
-    plot(ax, "Angle (mrad)", "Moment (N·m)", shown, title, legend="upper left")
+    plot(
+        ax, "Angle (mrad)", "Moment (N·m)", curves[: 1 + bool(np.isfinite(loop.law).any())],
+        f"{loop.joint}, {loop.run}", legend="upper left",
+    )  # fmt: skip
 
 
 KINDS = by_name(
@@ -241,8 +242,9 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
             if model is not None and model.terms:
                 shown[state.moving[rows]] = model.moment(state.angle[moving], state.rate[moving])
             name = result.test.structure.hinges[joint].name
-            run = state.run.removesuffix(f" · {name}")
-            yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)
+            yield RecoveredLoop(
+                name, state.run.removesuffix(f" · {name}"), state.angle[rows], state.moment[rows], shown
+            )
 
 
 def _misfit(result: RigDiscovery) -> str:

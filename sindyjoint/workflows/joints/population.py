@@ -330,8 +330,12 @@ def robust_line(x: Array, y: Array, s: Array) -> tuple[float, float, float, floa
     bread = np.linalg.pinv(design.T @ (within[:, None] * design))
     pull = design * (weight * residual / np.maximum(1 - leverage, 1e-3))[:, None]
     covariance = bread @ (pull.T @ pull) @ bread
-    degrees = _estimate_degrees(design, bread, weight, leverage)
-    return float(estimate[1]), float(np.sqrt(covariance[1, 1])), float(estimate[0]), degrees
+    return (
+        float(estimate[1]),
+        float(np.sqrt(covariance[1, 1])),
+        float(estimate[0]),
+        _estimate_degrees(design, bread, weight, leverage),
+    )
 
 
 def _estimate_degrees(design: Array, bread: Array, weight: Array, leverage: Array) -> float:
