@@ -39,7 +39,7 @@ def with_dependences(catalogue: Catalogue, inputs: Iterable[Input]) -> Catalogue
     return catalogue.union(new) if new.terms else catalogue
 
 
-def dependences(inputs: Iterable[Input], offered: Iterable[str]) -> Catalogue:
+def dependences(inputs: Iterable[Input], offered: Iterable[str], template: str = TEMPLATE) -> Catalogue:
     """Return the candidates that declared inputs bring.
 
     Parameters
@@ -48,34 +48,37 @@ def dependences(inputs: Iterable[Input], offered: Iterable[str]) -> Catalogue:
         With the levels at which they were tested.
     offered : iterable of str
         Ids of the other candidates: a dependence of a term that is not among them is left out.
+    template : str
+        Catalogue of the candidates, with the word ``input`` for the name of each.
     """
     known = set(offered)
     found: list[Term] = []
     for each in inputs:
-        for term in _named(each.name, each.unit):
+        for term in _named(template, each.name, each.unit):
             own = term.inputs[0]
             fits = not own.offered_for or each.unit in own.offered_for
             if fits and each.levels >= own.levels and set(term.within) <= known:
                 found.append(term)
                 known.add(term.id)
-    return Catalogue(TEMPLATE, "dependences on declared inputs", tuple(found))
+    return Catalogue(template, "dependences on declared inputs", tuple(found))
 
 
 @lru_cache(maxsize=64)
-def _named(name: str, unit: str) -> tuple[Term, ...]:
-    """Return the terms of the template for one input."""
+def _named(template: str, name: str, unit: str) -> tuple[Term, ...]:
+    """Return the terms of a template for one input."""
 
     def named(text: str) -> str:
         return re.sub(rf"(?<![A-Za-z]){WORD}(?![A-Za-z])", name, text)
 
     made = []
-    for term in load_catalogue(TEMPLATE):
+    for term in load_catalogue(template):
         inputs = tuple(
             TermInput(name, unit, named(each.reference), each.levels, each.offered_for)
             for each in term.inputs
         )
         text = named(term.formula)
-        references = [each.reference for each in inputs if each.reference]
+        names = [each.reference for each in inputs if each.reference]
+        names += [each.name for each in term.parameters]
         changed = replace(
             term,
             id=named(term.id),
@@ -83,7 +86,7 @@ def _named(name: str, unit: str) -> tuple[Term, ...]:
             name=named(term.name).replace("_", " "),
             meaning=named(term.meaning),
             formula=text,
-            expression=parse_formula(text, references, [name]),
+            expression=parse_formula(text, names, [name]),
             inputs=inputs,
             within=tuple(named(each) for each in term.within),
         )

@@ -12,6 +12,7 @@ import scipy
 from sindyjoint.discovery import Evidence, Fit, fit_columns
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.methods import NOT_GIVEN
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.discovery.uncertainty import (
     CrossValidation,
@@ -21,8 +22,8 @@ from sindyjoint.discovery.uncertainty import (
     moment_error,
     pooled_error,
 )
-from sindyjoint.equation.candidates import rate_free
-from sindyjoint.equation.catalogue import as_catalogue, load_catalogue
+from sindyjoint.equation.candidates import dependences, rate_free
+from sindyjoint.equation.catalogue import Catalogue, as_catalogue, load_catalogue
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import run_levels
@@ -239,23 +240,14 @@ def by_library(
     question: Question, libraries: Sequence[str], forbidden: Sequence[str]
 ) -> tuple[tuple[Choice, dict[str, str]], ...]:
     """Fit each library to the force states that are there already; return choices and the units of their terms."""
-    from sindyjoint.discovery.regression import TermRegression
-
     found = question.found
-    rows = regression_rows(found.states, found.campaign.joint.inertia).fit_arguments()
     result = []
     for name in libraries:
         catalogue = as_catalogue([part.strip() for part in name.split("+")])
         catalogue = rate_free(catalogue) if found.campaign.quasi_static else catalogue
-        left_out = [term for term in (*forbidden, *NEVER_VISIBLE) if term in catalogue]
-        regressor = TermRegression(
-            catalogue,
-            method=question.names[0],
-            forbidden=left_out,
-            motion=found.campaign.joint.motion,
-            inputs=found.regressor.inputs,
-            random_state=question.random_state,
-        ).fit(**rows)
+        regressor = _offered(
+            question, catalogue, [term for term in (*forbidden, *NEVER_VISIBLE) if term in catalogue]
+        )
         terms = ChosenTerm.of(regressor.model_)
         offered = all(term in regressor.evidence_.ids for term in wanted_terms(found))
         reason = regressor.selection_result_.reason
@@ -268,29 +260,51 @@ def by_library(
     return tuple(result)
 
 
+def _offered(question: Question, catalogue: Catalogue, forbidden: Sequence[str]) -> TermRegression:
+    """Return the regression on a catalogue of the force states that are there already."""
+    found = question.found
+    return TermRegression(
+        library=catalogue,
+        method=question.names[0],
+        forbidden=forbidden,
+        motion=found.campaign.joint.motion,
+        inputs=found.regressor.inputs,
+        random_state=question.random_state,
+    ).fit(**regression_rows(found.states, found.campaign.joint.inertia).fit_arguments())
+
+
 def by_friction_law(question: Question) -> tuple[Choice, ...]:
     """Fit laws of friction under a load, the rest of the found law beside each; score them on held-out groups.
 
-    Dry friction alone, and then models M1 to M4 of Duclusaud et al. (2024), Stribeck's part not loaded, and one of a
-    load's square. Empty where no input is a force, a moment or a pressure.
+    Dry friction alone, then models M1 to M6 of Duclusaud et al. (2024): viscous, Stribeck, load, both, a load that acts
+    otherwise against the motion than with it, and a load's square; linear in their coefficients, of which M5's and M6's
+    part at low rates does not depend on the direction. Empty where no input is a force, a moment or a pressure.
     """
-    found, evidence = question.found, question.evidence
-    families = {term.id: term.term.family for term in found.regressor.terms_ if term.id in evidence.ids}
-    drag = ("coulomb_friction", "linear_damping")
+    found = question.found
+    drag, stribeck = ("coulomb_friction", "linear_damping"), "stribeck_friction"
     rest = [
-        each for each in found.model.ids if families.get(each, "friction") != "friction" and each not in drag
+        term.term
+        for term in found.regressor.terms_
+        if term.id in found.model.ids and term.term.family != "friction" and term.id != drag[1]
     ]
-    laws = {"Coulomb": drag[:1], "viscous": drag, "viscous, Stribeck": (*drag, "stribeck_friction")}
+    loads = dependences(found.campaign.inputs, (), "loads")
+    if not loads.terms or len(question.evidence.groups) < 2:
+        return ()
+    known = load_catalogue("extended")
+    catalogue = Catalogue("", "", (*rest, *(known[name] for name in (*drag, stribeck)))).union(loads)
+    evidence = _offered(question, catalogue, ()).evidence_
+    laws = {"Coulomb": drag[:1], "viscous": drag, "viscous, Stribeck": (*drag, stribeck)}
     for each in found.campaign.inputs:
         load = f"coulomb_friction_proportional_to_{each.name}"
-        if load in evidence.ids:
-            laws[f"viscous, {each.name}"] = (*drag, load)
-            laws[f"viscous, {each.name}, Stribeck"] = (*drag, load, "stribeck_friction")
-            laws[f"viscous, {each.name} squared"] = (*drag, load, f"{load}_squared")
-    if len(laws) < 4 or len(evidence.groups) < 2:
-        return ()
+        both = (*drag, stribeck, load, f"stribeck_friction_proportional_to_{each.name}")
+        directional = (*both, f"directional_friction_by_{each.name}")
+        laws[f"viscous, {each.name}"] = (*drag, load)
+        laws[f"viscous, {each.name}, Stribeck"] = both
+        laws[f"viscous, {each.name} by direction, Stribeck"] = directional
+        laws[f"viscous, {each.name} by direction and squared, Stribeck"] = (*directional, f"{load}_squared")
+    left = [term.id for term in rest if term.id in evidence.ids]
     return tuple(
-        _fitted(evidence, name, (*rest, *law)) for name, law in laws.items() if {*law} <= {*evidence.ids}
+        _fitted(evidence, name, (*left, *law)) for name, law in laws.items() if {*law} <= {*evidence.ids}
     )
 
 

@@ -26,6 +26,7 @@ NAMES = (
     "friction",
     "inertia",
     "inputs",
+    "loads",
     "measurement",
     "paper",
     "polynomial",
