@@ -14,7 +14,7 @@ from sindyjoint.mechanics import LawWithNumbers
 from sindyjoint.mechanics.stickslip import Motion, brought_from_rest, simulate_many
 from sindyjoint.numeric import Array, Integers, rms
 from sindyjoint.record import Run
-from sindyjoint.response.drive import FAR_OFF, simulate_segments
+from sindyjoint.response.drive import FAR_OFF, SETTLED, simulate_segments
 from sindyjoint.response.laws import law_terms, with_coefficients
 from sindyjoint.response.output_error_runs import (
     NUISANCE,
@@ -69,8 +69,12 @@ class OutputError:
         nuisance: Sequence[Nuisance],
         window: float | None,
         test: TestNuisances | None = None,
+        settled: int = SETTLED,
     ) -> "OutputError":
-        """Collect the parameters of a model and those of the runs; negative friction starts at zero."""
+        """Collect the parameters of a model and those of the runs; negative friction starts at zero.
+
+        Where runs repeat, a period is compared after so many (``settled``) from the measured state on.
+        """
         test = test or TestNuisances("")
         simulable = without_negative_friction(model)
         inertia = test.joint_of(model.joint).inertia or model.inertia
@@ -86,7 +90,7 @@ class OutputError:
         parameters += [nuisance_parameter(name, size, 2 * np.pi / fastest) for name in nuisance]
         records = []
         for run, state in zip(runs, states, strict=True):
-            records.append(record_of(simulable, run, state, test, len(parameters), window))
+            records.append(record_of(simulable, run, state, test, len(parameters), window, settled))
             parameters += initial_parameters(records[-1], model.joint.motion)
         return cls(simulable, tuple(records), tuple(parameters), inertia_index)
 

@@ -19,7 +19,7 @@ from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
 from sindyjoint.numeric import Array, Booleans, Integers, rms
 from sindyjoint.record import Motion, Run
 from sindyjoint.response import added_law, law_of_test
-from sindyjoint.response.drive import SETTLED, Drive, choose_drive, prescribed, segment_starts
+from sindyjoint.response.drive import Drive, choose_drive, prescribed, segment_starts
 from sindyjoint.response.laws import law_terms
 from sindyjoint.response.run import (
     above_noise,
@@ -70,21 +70,24 @@ class Cycle:
         The simulated sample before each compared one.
     share : ndarray, shape (n,)
         How far between that and the next.
+    settled : int
+        Periods in which a wrong initial state dies out, before the one that is used.
     """
 
     frequency: float
     nodes: int
     left: Integers
     share: Array
+    settled: int
 
     @classmethod
-    def of(cls, states: ForceStates, skip: int) -> Self:
+    def of(cls, states: ForceStates, skip: int, settled: int) -> Self:
         """Return the cycle of periodic states, compared from sample ``skip`` on."""
         per = states.sample_rate / states.fundamental
         nodes = round(per)
         place = np.arange(skip, states.n_samples) / per % 1.0 * nodes
         left = np.floor(place).astype(np.intp)
-        return cls(states.fundamental, nodes, left % nodes, place - left)
+        return cls(states.fundamental, nodes, left % nodes, place - left, settled)
 
     @property
     def sample_rate(self) -> float:
@@ -93,8 +96,8 @@ class Cycle:
 
     @property
     def duration(self) -> float:
-        """What is simulated, s: periods in which a wrong initial state dies out, and the one that is used."""
-        return (SETTLED + 1) / self.frequency
+        """What is simulated, s."""
+        return (self.settled + 1) / self.frequency
 
     def at_samples(self, values: Array, slopes: Array) -> Array:
         """Return a simulated signal at the compared samples, by cubic Hermite interpolation, shape (sets, n)."""
@@ -256,11 +259,17 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
 
 
 def record_of(
-    model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float | None
+    model: JointModel,
+    run: Run,
+    states: ForceStates,
+    test: TestNuisances,
+    index: int,
+    window: float | None,
+    settled: int,
 ) -> Record:
     """Return a run as the problem uses it; ``index`` is the next free one among the parameters.
 
-    Of a run that repeats often one period is simulated, after some in which it becomes steady. A motion that was
+    Of a run that repeats one period is simulated, after ``settled`` in which it becomes steady. A motion that was
     prescribed is the drive. Where the states are a mean period, a law with internal states runs through it twice:
     these are not known at its start.
     """
@@ -279,9 +288,7 @@ def record_of(
         moment, skip = np.tile(states.moment, 2), states.n_samples
     elif drive == "moment" and states.method != "periodic":
         starts = (0,)
-    # From six periods on one is simulated for all.
-    many = states.frequency is not None and states.n_samples >= 6 * states.sample_rate / states.frequency
-    steady = drive == "moment" and states.method == "periodic" and many
+    steady = drive == "moment" and states.method == "periodic"
     added = added_law(test, states) if drive == "motion" else None
     return Record(
         run=run,
@@ -302,7 +309,7 @@ def record_of(
         inner=None
         if drive != "moment" or test.moments
         else along_motion(law, states, run.sample_rate)[1][:, 0],
-        cycle=Cycle.of(states, skip) if steady else None,
+        cycle=Cycle.of(states, skip, settled) if steady else None,
         columns=term_columns(model, law_terms(model), states) if drive == "motion" else None,
         added=None
         if added is None

@@ -27,15 +27,15 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SindyJointError
 from sindyjoint.limits import EVIDENCE
-from sindyjoint.numeric import kept
+from sindyjoint.numeric import Array, kept
 from sindyjoint.record import Campaign
 from sindyjoint.response import corrected, simulated_gap
-from sindyjoint.response.refinement import FINELY, Refinement, misfit_nearby, refine
+from sindyjoint.response.refinement import Refinement, fit_nearby, refine
 from sindyjoint.states import campaign_states, one_after_another
 
-# Samples along which forms of an element are simulated; share of a sum of squares that fits win after a few steps, and
-# that the noise of a drive makes alike.
-SIMULATED, UNFINISHED, OF_DRIVE = 20_000, 0.005, 0.0025
+# Samples along which forms of an element are simulated; share of a sum of squares that fits win after a few steps, that
+# the last of them wins, of so many samples a tenth of a nat, and that the noise of a drive makes alike.
+SIMULATED, UNFINISHED, FINISHED, OF_DRIVE = 20_000, 0.005, 1e-5, 0.0025
 
 # Both import this module: the problem of a campaign, and what a search of it found.
 Problem = Any
@@ -111,7 +111,7 @@ def ranked_on_response(
     leading = search.with_numbers(search.extended(alone), alone.score.total)
     begun = [begun_with(work, now, ev.fitted(each)) for each in leading]
     # The three that lead after a few steps are fitted to the simulated motion to the end.
-    nearby = sorted(((_misfit_nearby(work, each), i) for i, each in enumerate(begun)))[:3]
+    nearby = sorted(((_nearby(work, each)[0], i) for i, each in enumerate(begun)))[:3]
     least, done = float(now.residual @ now.residual) + 2 * np.log(EVIDENCE.chance), list[Repaired]()
     for misfit, i in nearby:
         if misfit < least and (fitted := on_response(work, begun[i])).residual is not None:
@@ -141,13 +141,14 @@ def forms_on_response(
     forms = [form for each in near for form in _forms(work, others, each)]
     effects = [[*others, form] for form in forms] + [others]
     laws = [refit(work.plain, work.model, each, drops=False) for each in effects]
-    left = np.array([_misfit_nearby(short, each) for each in laws])
+    ends = [_nearby(short, each) for each in laws]
+    left = np.array([misfit for misfit, _ in ends])
     if not np.isfinite(left[:-1].min(initial=np.inf)):
         return None
     sure = all(s.method == "periodic" for s in work.states)
     # Further steps may put what is near in front, and what the rows prefer.
     for i in {0, *np.flatnonzero(left[:-1] < (1 + UNFINISHED) * left[:-1].min()).tolist()} if sure else ():
-        left[i] = _misfit_nearby(short, laws[i], FINELY)
+        left[i], _ = _nearby(short, laws[i], ends[i][1], FINISHED)
     numbers = np.array([form.variant.degrees for form in forms] + [0])
     totals = -0.5 * (np.minimum(left / left.min(), FARTHEST) * samples + numbers * np.log(samples))
     if not sure:  # the noise of a drive that does not repeat is in the response
@@ -175,11 +176,13 @@ def begun_with(work: Work, now: Repaired, effects: Sequence[FittedEffect]) -> Re
     return refit(work.plain, now.model, (*now.effects, *effects), drops=False)
 
 
-def _misfit_nearby(work: Work, repaired: Repaired, *least: float) -> float:
+def _nearby(work: Work, repaired: Repaired, *further: Any) -> tuple[float, Array | None]:
+    """Return what a few steps leave of the simulated response and where they end; infinite where that fails."""
     law = _law(repaired)
     with suppress(SindyJointError):
-        return np.inf if law is None else misfit_nearby(law, work.runs, work.states, *least)
-    return np.inf
+        if law is not None:
+            return fit_nearby(law, work.runs, work.states, *further)
+    return np.inf, None
 
 
 def mean_square(repaired: Repaired) -> float:
