@@ -187,8 +187,8 @@ def fit_nearby(
     """Return what a few steps of a fit leave of the responses, a sum of squares in units of noise, and where they end.
 
     They begin at ``start``, where an earlier call ended (default: at the model's numbers), and end where one wins
-    less than the share ``least``. A start by a measured state is a tenth of the noise off a steady one after a period: enough
-    to compare laws, not for their numbers.
+    less than the share ``least``. What a measured state starts is a tenth of the noise off the steady motion after a
+    period: enough to compare laws, not for their numbers.
     """
     problem = OutputError.of(model, runs, states, (), None, settled=1)
     end, cost = _fit(problem, problem.table[0] if start is None else start, FEW_EVALUATIONS, least)

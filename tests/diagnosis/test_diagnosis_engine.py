@@ -218,6 +218,12 @@ def test_of_two_that_predict_alike_the_first_leads_and_both_are_of_the_class():
     assert sum(ranking.probabilities) + ranking.nothing == pytest.approx(1)
 
 
+def test_rivals_are_told_apart_beside_a_base_that_no_simulation_follows():
+    one, other = Effect("one", 400.0, GOOD), Effect("other", 380.0, GOOD)
+    ranking = rank([(each, scored(each.gain)) for each in (one, other)], scored(-1e154), 3.0)
+    assert ranking.members == (one,) and ranking.probabilities[0] > 0.9999
+
+
 def test_beside_a_misfit_of_a_hundred_times_the_noise_the_same_gain_says_nothing():
     one = Effect("one", 400.0, GOOD)
     assert rank([(one, scored(400.0))], scored(0.0), 3.0).nothing < 1e-6

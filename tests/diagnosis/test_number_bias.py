@@ -58,14 +58,19 @@ def test_a_delay_beside_an_element_leaves_their_numbers_right(seed):
     assert found.final.response < 1.5 * found.noise_floor.response
 
 
-@pytest.mark.parametrize("name", ["jenkins_element", "backlash_play"])
-def test_the_form_of_an_element_is_that_of_the_simulated_response(name):
+@pytest.mark.parametrize(
+    ("name", "inertia"), [("jenkins_element", 0.02), ("jenkins_element", None), ("backlash_play", 0.02)]
+)
+def test_the_form_of_an_element_is_that_of_the_simulated_response(name, inertia):
     # 1 % of noise hides the harmonics of the corners. Along the rest Bouc and Wen's law and Iwan's are as good as the
     # Jenkins element, and play is a Maxwell branch, an inertia error and a Jenkins element (seed 3).
     generator, frequencies = np.random.default_rng(3), [3.0, 5.0]
     law = hidden_law(name, INTER_PANEL, 0.92 * INTER_PANEL.softening_angle, frequencies, generator)
     made = {"frequencies": frequencies, "noise": 0.01, "duration": 4.0, "sample_rate": 500.0}
-    found = diagnose(virtual_campaign(hidden=law, rng=generator, **made), advise=False)
+    campaign = virtual_campaign(hidden=law, rng=generator, **made)
+    # Where the inertia is not declared the law without the element cannot be simulated.
+    campaign = replace(campaign, joint=replace(campaign.joint, inertia=inertia))
+    found = diagnose(campaign, advise=False)
     (step,) = found.steps
     assert found.verdict == "named" and step.members == (name,) and step.probability > 0.9
     numbers = {number.name: number for number in found.whole.elements[0].numbers}

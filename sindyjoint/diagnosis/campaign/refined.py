@@ -216,19 +216,28 @@ def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffe
 
 
 def told_by_response(found: Found, given: Sequence[FittedEffect], say: Say) -> Found:
-    """Return what was found with each element in the form that the simulated response shows, where others are near."""
+    """Return what was found with each element in the form that the simulated response shows, where others are near.
+
+    Without it where the response is rather that of the others alone.
+    """
     effects, rankings, work = [*found.effects], [*found.rankings], found.work
     if found.shifts or work.campaign.moves_freely:
         return found
-    for place, ranking in enumerate(rankings):
+    for ranking in found.rankings:
         first = ranking.fitted[0]
         if not is_element(first) or len(ranking.near) < 2:
             continue
         say("forms of an element on the simulated response")
-        others = [*given, *(each for each in effects if each.name != first.name)]
-        if (told := forms_on_response(work, others, ranking.near)) is not None:
-            rankings[place] = told[0]
-            effects = [told[0].fitted[0] if each.name == first.name else each for each in effects]
+        others = [each for each in effects if each.name != first.name]
+        if (told := forms_on_response(work, [*given, *others], ranking.near)) is None:
+            continue
+        place = rankings.index(ranking)
+        if others and told[0].nothing > 0.5:
+            del rankings[place]
+            effects = others
+            continue
+        rankings[place] = told[0]
+        effects = [told[0].fitted[0] if each.name == first.name else each for each in effects]
     return replace(found, effects=effects, rankings=rankings)
 
 

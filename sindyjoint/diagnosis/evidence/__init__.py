@@ -375,10 +375,10 @@ def rank(fitted: Sequence[tuple[C, Score]], base: Score, alike: float) -> Rankin
         if each.name not in best or score.total > best[each.name][1].total:
             best[each.name] = each, score
     leading = max((score for _, score in best.values()), key=lambda score: score.total)
-    nats = np.array([rise(leading, base) - rise(leading, score) for _, score in best.values()])
-    weight = np.exp(
-        np.append(nats - np.log(nats.size), 0.0) - max(float(nats.max() - np.log(nats.size)), 0.0)
-    )
+    # Below the leading one: beside a base that no simulation follows, what tells rivals apart would be lost.
+    nats = np.array([-rise(leading, score) for _, score in best.values()])
+    without = -rise(leading, base) + np.log(nats.size)
+    weight = np.exp(np.append(nats, without) - max(float(nats.max()), without))
     weight /= weight.sum()
     kept = [each for each, _ in best.values()]
     order = np.argsort(-np.round(nats, 2), kind="stable")
