@@ -31,6 +31,7 @@ from sindyjoint.states import (
     HarmonicBasis,
     Harmonics,
     fitted_motion,
+    record_series,
     significant_harmonics,
     smoothing_kernels,
 )
@@ -234,10 +235,7 @@ def _drive(state: ForceStates, between: float) -> Array | None:
     driven = significant_harmonics(np.abs(moment - inertia * angle), error) & known & (orders <= highest)
     if not driven.any() or (orders[driven][-1] >= highest and highest + 1 < orders[-1]):
         return None
-    spectrum = np.zeros(DRIVE_POINTS // 2 + 1, dtype=complex)
-    spectrum[0] = mean * DRIVE_POINTS
-    spectrum[orders[driven].astype(int)] = (moment - inertia * angle)[driven] * DRIVE_POINTS / 2
-    return np.fft.irfft(spectrum, DRIVE_POINTS)
+    return mean + record_series(np.where(driven, moment - inertia * angle, 0.0), DRIVE_POINTS)
 
 
 def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceStates | None:

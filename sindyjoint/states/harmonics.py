@@ -126,6 +126,13 @@ def fitted_motion(
     return np.array([angle[0], *rate[0][:2]]) if rate else angle
 
 
+def record_series(amplitudes: Complex, n: int) -> Array:
+    """Return n samples of Σ Re a·exp(2πi·k·t/T) over a record of length T, k from 1, shapes (h, …) to (n, …)."""
+    spectrum = np.zeros((n // 2 + 1, *amplitudes.shape[1:]), dtype=complex)
+    spectrum[1 : len(amplitudes) + 1] = amplitudes * n / 2
+    return np.fft.irfft(spectrum, n, axis=0)
+
+
 #: The latest bases with their instants, of at most 1.25 million cosines each: 40 MB in all.
 LATEST: deque[tuple[Array, HarmonicBasis]] = deque(maxlen=2)
 

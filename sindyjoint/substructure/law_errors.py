@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from sindyjoint.numeric import Array, Booleans, Complex, Integers
-from sindyjoint.states import ForceStates
+from sindyjoint.states import ForceStates, record_series
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.states import kept_of, slow_orders
 from sindyjoint.substructure.unseen import LawRows, Slow
@@ -280,10 +280,9 @@ class _RowErrors:
         """Return Re Σ a·exp(iωt) at the rows, shapes (harmonics, k) to (n, k)."""
         if self.source.recovery.spectra.repeats:
             return np.asarray((self._spin @ amplitudes).real)
-        samples = self.source.states.n_samples
-        spectrum = np.zeros((samples // 2 + 1, amplitudes.shape[1]), dtype=complex)
-        spectrum[self.kept + 1] = amplitudes * samples / 2
-        return np.fft.irfft(spectrum, samples, axis=0)[self.rows]
+        whole = np.zeros((self.source.recovery.spectra.angular.size, amplitudes.shape[1]), dtype=complex)
+        whole[self.kept] = amplitudes
+        return record_series(whole, self.source.states.n_samples)[self.rows]
 
     def through(self, of_rows: Array) -> Complex:
         """Return what errors of the amplitudes make of anything linear in the rows, shapes (k, n) to (k, h, 2)."""

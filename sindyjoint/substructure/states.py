@@ -20,6 +20,7 @@ from sindyjoint.states import (
     dwells,
     moving_mask,
     rate_limit,
+    record_series,
     reversal_guard,
     significant_harmonics,
 )
@@ -170,13 +171,6 @@ def joint_states(
         replicate=(first, second, third), noise=noise, method="periodic", bandwidth=highest,
         dropped=spectra.first / run.sample_rate, slowest=slowest, guard=guard, series=(series,),
     )  # fmt: skip
-
-
-def record_series(amplitudes: Complex, n: int) -> Array:
-    """Return the samples of Σ Re a·exp(2πi·k·t/T), k from 1, over a record of n samples."""
-    spectrum = np.zeros(n // 2 + 1, dtype=complex)
-    spectrum[1 : amplitudes.size + 1] = amplitudes * n / 2
-    return np.fft.irfft(spectrum, n)
 
 
 def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float = 0.0) -> ForceStates:
