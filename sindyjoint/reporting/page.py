@@ -230,8 +230,8 @@ def sentence(text: str) -> str:
 
 
 def capital(text: str) -> str:
-    """Return words with a capital."""
-    return text[:1].upper() + text[1:]
+    """Return words with a capital; an id, a symbol or the name of a file is written as it is: k_m is not K_m."""
+    return text[:1].upper() + text[1:] if re.match(r"[^\W\d_]+(?![\w.])", text) else text
 
 
 def join(blocks: Iterable[str]) -> str:

@@ -183,6 +183,23 @@ def test_numbers_that_are_not_known_are_dashes():
     assert (number(None), number(math.nan), number(-0.5)) == ("–", "–", "−0.5")
 
 
+@pytest.mark.parametrize(
+    ("words", "written"),
+    [
+        ("half-cycles lag", "Half-cycles lag."),
+        ("éclat", "Éclat."),
+        ("k_m is 5 % off", "k_m is 5 % off."),
+        ("c1: not determined", "c1: not determined."),
+        ("run3.csv has gaps", "run3.csv has gaps."),
+        ("", ""),
+    ],
+)
+def test_a_sentence_begins_with_a_capital_but_a_symbol_or_an_id_stays(words, written):
+    from sindyjoint.reporting.page import sentence
+
+    assert sentence(words) == written
+
+
 def _with_terms(law, terms):
     from dataclasses import replace
 
