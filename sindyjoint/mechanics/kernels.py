@@ -276,7 +276,8 @@ def fastest_decay(address, angle, rate, direction, parameters, state):
             continue
         nudge = step * np.eye(len(own))[:, [place]]
         sides = (np.abs(rates(own + sign * nudge)[place] - middle[place]) for sign in (-1.0, 1.0))
-        slope = np.minimum(*sides) / step
+        with np.errstate(invalid="ignore"):  # rates without bound on both sides
+            slope = np.minimum(*sides) / step
         largest = max(largest, float(slope[np.isfinite(slope)].max(initial=0.0)))
     return largest
 

@@ -115,6 +115,13 @@ def test_a_state_that_settles_within_a_step_is_followed():
     assert moment[10:] == pytest.approx(expected[10:], abs=0.01 * tau * w * 1e-3)
 
 
+def test_a_state_that_no_step_follows_is_an_error_and_no_warning():
+    # Warnings are errors here: at 1e-13 s the rate of a state that is still finite has no bound.
+    tone, t = harmonic(1e-3, 4.0), np.arange(200) / 100.0
+    with pytest.raises(SimulationError, match="an internal state is no longer finite at t = "):
+        transfer_moment(FunctionLaw(relaxing, (1e-13,), n_states=1), tone(t), tone.derivative(t), 100.0)
+
+
 def test_softening_frequency_shift():
     # Duffing, first order: ω = ω0·(1 + 3·k3·A²/(8·k1)); the remainder is O(A⁴): Nayfeh & Mook 1979, section 2.3
     law = PaperLaw(k1=1000.0, k3=-1e9, inertia=0.1)
