@@ -229,10 +229,13 @@ def _best_search(
 
 
 def _best_of(first: P, ends: Sequence[Explained[P]]) -> Explained[P]:
-    """Return the end that costs least, of those whose gap is no larger than that of the model as it was given."""
+    """Return the end that costs least, of those whose gap is no larger than that of the model as it was given.
+
+    One that cannot be simulated only where none can.
+    """
     alike = first.policy.trivial_share
     kept = [each for each in ends if not grows(first.initial_gap, each.gaps.final, alike)]
-    return min(kept, key=lambda each: each.cost, default=ends[0])
+    return min(kept, key=lambda each: (np.isnan(each.gaps.final.response), each.cost), default=ends[0])
 
 
 def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[P]:

@@ -1,6 +1,7 @@
 """The greedy search and the verdict on a problem made by hand: what is added and taken back, and what it is called."""
 
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from sindyjoint.diagnosis import (
     Residual,
     add_effects,
     discount,
+    engine,
     judge,
     rank,
     share_beyond_noise,
@@ -244,3 +246,13 @@ def test_the_shipped_laws_name_special_cases_that_are_there():
     for name, specials in nested.items():
         fewest = min(v.degrees for v in effects[name].variants)
         assert all(fewest > v.degrees for special in specials for v in effects[special].variants)
+
+
+def test_of_two_searches_the_one_that_can_be_simulated_is_used_though_it_costs_more():
+    def end(cost, response):
+        return SimpleNamespace(cost=cost, gaps=Gaps(Gap(1.0, 1.0), Gap(0.5, response), Gap(0.1, 0.1)))
+
+    cheap, dear, dearest = end(1.0, NAN), end(2.0, 0.5), end(3.0, 0.4)
+    first = SimpleNamespace(policy=CAMPAIGN, initial_gap=Gap(1.0, 1.0))
+    assert engine._best_of(first, [dearest, cheap, dear]) is dear
+    assert engine._best_of(first, [cheap]) is cheap
