@@ -273,12 +273,13 @@ def _offered(question: Question, catalogue: Catalogue, forbidden: Sequence[str])
     ).fit(**regression_rows(found.states, found.campaign.joint.inertia).fit_arguments())
 
 
-def by_friction_law(question: Question) -> tuple[Choice, ...]:
+def by_friction_law(question: Question) -> tuple[tuple[Choice, ...], dict[str, str]]:
     """Fit laws of friction under a load, the rest of the found law beside each; score them on held-out groups.
 
     Dry friction alone, then models M1 to M6 of Duclusaud et al. (2024): viscous, Stribeck, load, both, a load that acts
     otherwise against the motion than with it, and a load's square; linear in their coefficients, of which M5's and M6's
-    part at low rates does not depend on the direction. Empty where no input is a force, a moment or a pressure.
+    part at low rates does not depend on the direction. Empty where no input is a force, a moment or a pressure. With
+    the units of the terms.
     """
     found = question.found
     drag, stribeck = ("coulomb_friction", "linear_damping"), "stribeck_friction"
@@ -289,23 +290,25 @@ def by_friction_law(question: Question) -> tuple[Choice, ...]:
     ]
     loads = dependences(found.campaign.inputs, (), "loads")
     if not loads.terms or len(question.evidence.groups) < 2:
-        return ()
+        return (), {}
     known = load_catalogue("extended")
     catalogue = Catalogue("", "", (*rest, *(known[name] for name in (*drag, stribeck)))).union(loads)
-    evidence = _offered(question, catalogue, ()).evidence_
-    laws = {"Coulomb": drag[:1], "viscous": drag, "viscous, Stribeck": (*drag, stribeck)}
+    regression = _offered(question, catalogue, ())
+    evidence = regression.evidence_
+    laws = {"Coulomb": drag[:1], "M1 viscous": drag, "M2 Stribeck": (*drag, stribeck)}
     for each in found.campaign.inputs:
         load = f"coulomb_friction_proportional_to_{each.name}"
         both = (*drag, stribeck, load, f"stribeck_friction_proportional_to_{each.name}")
         directional = (*both, f"directional_friction_by_{each.name}")
-        laws[f"viscous, {each.name}"] = (*drag, load)
-        laws[f"viscous, {each.name}, Stribeck"] = both
-        laws[f"viscous, {each.name} by direction, Stribeck"] = directional
-        laws[f"viscous, {each.name} by direction and squared, Stribeck"] = (*directional, f"{load}_squared")
+        laws[f"M3 {each.name}"] = (*drag, load)
+        laws[f"M4 {each.name}, Stribeck"] = both
+        laws[f"M5 {each.name}, direction"] = directional
+        laws[f"M6 {each.name}, squared"] = (*directional, f"{load}_squared")
     left = [term.id for term in rest if term.id in evidence.ids]
-    return tuple(
+    fitted = [
         _fitted(evidence, name, (*left, *law)) for name, law in laws.items() if {*law} <= {*evidence.ids}
-    )
+    ]
+    return tuple(fitted), {t.id: t.term.unit_for(found.campaign.joint.motion) for t in regression.terms_}
 
 
 def _fitted(evidence: Evidence, name: str, terms: Sequence[str]) -> Choice:

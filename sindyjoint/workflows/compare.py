@@ -171,7 +171,7 @@ def _compared(
     frequencies = run(f"one {parts} at a time", by_group, question)
     levels = run("one level at a time", by_level, question)
     fitted = run("libraries", by_library, question, libraries, forbidden)
-    friction = run("laws of friction", by_friction_law, question)
+    friction, friction_units = run("laws of friction", by_friction_law, question)
     left_out = run("holding out frequencies and levels", hold_out_groups, question)
     methods = run("simulating held-out runs", add_responses, found, evidence, methods)
     probability, sets = run(
@@ -186,7 +186,8 @@ def _compared(
         simulated=found.campaign.simulated,
         ids=evidence.ids,
         units={t.id: t.term.unit_for(found.campaign.joint.motion) for t in found.regressor.terms_}
-        | {term: unit for _, units in fitted for term, unit in units.items()},
+        | {term: unit for _, units in fitted for term, unit in units.items()}
+        | friction_units,
         methods=tuple(map(against, methods)),
         frequencies=tuple(map(against, frequencies)),
         levels=tuple(map(against, levels)),

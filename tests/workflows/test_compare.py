@@ -184,10 +184,10 @@ def test_laws_of_friction_under_a_load_are_tabulated_with_their_errors(tmp_path)
     result = compare(loaded(0.005, 0), methods=["stlsq"], libraries=["paper"], replicates=10)
     by_name = {choice.name: choice for choice in result.friction}
     assert list(by_name) == [
-        "Coulomb", "viscous", "viscous, Stribeck", "viscous, load", "viscous, load, Stribeck",
-        "viscous, load by direction, Stribeck", "viscous, load by direction and squared, Stribeck",
+        "Coulomb", "M1 viscous", "M2 Stribeck", "M3 load", "M4 load, Stribeck",
+        "M5 load, direction", "M6 load, squared",
     ]  # fmt: skip
-    right = by_name["viscous, load"]
+    right = by_name["M3 load"]
     truth = {
         "linear_stiffness": 600, "coulomb_friction": 0.5, "linear_damping": 1.5,
         "coulomb_friction_proportional_to_load": 0.02,
@@ -197,7 +197,7 @@ def test_laws_of_friction_under_a_load_are_tabulated_with_their_errors(tmp_path)
         low, high = term.interval95
         assert abs(term.coefficient - truth[term.id]) < high - low
     # What is made without the load misses the friction's change of up to a quarter of the moment; noise is 0.5 %.
-    assert by_name["viscous, Stribeck"].held_out > 20 * right.held_out
+    assert by_name["M2 Stribeck"].held_out > 20 * right.held_out
     assert right.held_out < 0.006
     assert right.held_out_error < 0.001
     assert "Laws of friction under the load" in (result.report(tmp_path / "out") / "report.html").read_text()
@@ -210,16 +210,17 @@ def test_friction_that_is_larger_against_a_load_than_with_it_needs_the_direction
         loaded(0.005, 2, settings, directional=0.006), methods=["stlsq"], libraries=["paper"], replicates=10
     )
     by_name = {choice.name: choice for choice in result.friction}
-    right = by_name["viscous, load by direction, Stribeck"]
+    right = by_name["M5 load, direction"]
     found = {term.id: term for term in right.terms}
     for name, truth in {
         "coulomb_friction_proportional_to_load": 0.02, "directional_friction_by_load": 0.006, "linear_damping": 1.5,
     }.items():  # fmt: skip
         low, high = found[name].interval95
         assert abs(found[name].coefficient - truth) < high - low
+    assert result.units["directional_friction_by_load"] == "m"
     # 0.006·100 N of a moment of 5 N·m RMS is 10 %; noise is 0.5 %.
     assert right.held_out < 0.006
-    assert by_name["viscous, load, Stribeck"].held_out > 5 * right.held_out
+    assert by_name["M4 load, Stribeck"].held_out > 5 * right.held_out
 
 
 def test_a_law_that_other_frequencies_do_not_determine_has_no_error():
@@ -227,8 +228,8 @@ def test_a_law_that_other_frequencies_do_not_determine_has_no_error():
     campaign = loaded(0.005, 1, settings=[(3, 20), (3, 20), (5, 80), (5, 80)])
     result = compare(campaign, methods=["stlsq"], libraries=["paper"], replicates=10, forced=list(FRICTION))
     by_name = {choice.name: choice for choice in result.friction}
-    assert np.isnan(by_name["viscous, load"].held_out)
-    assert by_name["viscous"].held_out > 0
+    assert np.isnan(by_name["M3 load"].held_out)
+    assert by_name["M1 viscous"].held_out > 0
     assert "do not tell its terms apart" in result.methods[0].not_simulated
 
 
