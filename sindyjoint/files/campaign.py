@@ -396,8 +396,8 @@ class DeclaredInputs:
 
 def made_input(name: str, unit: str, where: str, reference: str | float | None, **known: Any) -> Input:
     """Return an input of the law whose values stand in a unit."""
+    si, factor, zero = input_unit(unit, where)
     try:
-        si, factor, zero = input_unit(unit, where)
         each = Input(name, si, shown_unit=unit, factor=factor, zero=zero, **known)
     except InputError as error:
         raise type(error)(f"{where}: {error}") from None

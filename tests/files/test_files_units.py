@@ -138,3 +138,14 @@ def test_any_text_is_a_unit_or_a_unit_error(text):
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_printed_quantity_reads_back_to_the_bit(value):
     assert parse_quantity(f"{value!r} N*m", "N*m", "x") == value
+
+
+def test_an_unknown_unit_of_an_input_is_told_with_its_place_once():
+    from sindyjoint import Campaign
+
+    motion = [math.sin(i / 10) for i in range(200)]
+    with pytest.raises(UnitError) as caught:
+        Campaign.from_arrays(
+            angle=[motion], moment=[motion], rate=100.0, inputs={"load": ["3 Nn"]}, name="gear"
+        )
+    assert str(caught.value).count("load") == 1
