@@ -53,6 +53,8 @@ class JointRegressor(RegressorMixin, BaseEstimator, TermRegression):
     inputs : sequence of str or Input
         What else the moment may depend on: the last columns of X, or columns of a data frame by name. The dependences
         of the catalogue ``"inputs"`` join the candidates.
+    cv : int, splitter of scikit-learn, or splits, optional
+        Whose test sets are the groups where :meth:`fit` is given none.
     random_state : int, Generator or None
         Used by methods that resample.
 
@@ -114,8 +116,10 @@ class JointRegressor(RegressorMixin, BaseEstimator, TermRegression):
         y : array_like, shape (n,)
             Transfer moment N·m, or with θ̈ in X the moment at the sensor.
         groups : array_like, shape (n,), optional
-            What is held out together, usually the excitation frequency. Default: segments of consecutive rows.
+            What is held out together, usually the excitation frequency. Default: the test sets of ``cv``, or segments
+            of consecutive rows.
         sample_weight : array_like, shape (n,), optional
+            How often each row counts: one of weight two is a row that is there twice in succession.
         runs, blocks : array_like, shape (n,), optional
             Run of each row (default: its group) and replicate block within the run (default: segments of rows).
         X_replicate, y_replicate : array_like, shape (n, 2) or (n, 3) and (n,), optional

@@ -15,7 +15,15 @@ from sindyjoint.clock import single_threaded
 from sindyjoint.discovery import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.methods import check_method, column_path
-from sindyjoint.discovery.rows import Rows, gather, row_labels, rows_that_count, state_columns
+from sindyjoint.discovery.rows import (
+    Rows,
+    gather,
+    held_out_groups,
+    row_labels,
+    row_weights,
+    rows_that_count,
+    state_columns,
+)
 from sindyjoint.discovery.selection import (
     Selection,
     choose_by_evidence,
@@ -138,6 +146,7 @@ class TermRegression(SelectionRules):
     fixed: Mapping[str, float] | None = None
     motion: Motion = "rotation"
     inputs: Sequence[str | Input] = ()
+    cv: Any = None
 
     @classmethod
     def parameters(cls) -> tuple[str, ...]:
@@ -162,9 +171,14 @@ class TermRegression(SelectionRules):
     ) -> Self:
         """Find the terms and their coefficients; parameters are those of :meth:`sindyjoint.JointRegressor.fit`."""
         self.check_parameters()
+        if groups is None and self.cv is not None:
+            groups = held_out_groups(self.cv, X, y)
+        samples = X.shape[0]
         weight, X, y, groups, runs, blocks, X_replicate, y_replicate = rows_that_count(
-            sample_weight, X.shape[0], X, y, groups, runs, blocks, X_replicate, y_replicate
+            sample_weight, samples, X, y, groups, runs, blocks, X_replicate, y_replicate
         )
+        if sample_weight is not None:
+            samples = np.count_nonzero(row_weights(sample_weight, samples))
         names = input_names(self.inputs)
         motion = X.shape[1] - len(names)
         if motion not in (2, 3):
@@ -181,7 +195,7 @@ class TermRegression(SelectionRules):
         with single_threaded():
             rows = Rows(X, y, weight)
             evidence = gather(terms, rows, labels, rows.again(X_replicate, y_replicate), names)
-            return self._fit(terms, evidence, reference, X.shape[0], X.shape[1], shared)
+            return self._fit(terms, evidence, reference, samples, X.shape[1], shared)
 
     def candidates(self, reference: Reference, with_acceleration: bool = False) -> tuple[ResolvedTerm, ...]:
         """Return the candidate terms, their nonlinear parameters at the scales of the data."""

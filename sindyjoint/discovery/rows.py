@@ -188,17 +188,36 @@ def _gathered(
 
 
 def rows_that_count(sample_weight: ArrayLike | None, count: int, *parts: ArrayLike | None) -> tuple[Any, ...]:
-    """Return the weights of the rows that count, and of each part its entries for them.
+    """Return the weights of the rows that count, and of each part (y among the first) its entries for them.
 
-    A weight of zero says that the row is not there: it is in no segment, block or group.
+    A weight of zero says that the row is not there: it is in no segment, block or group. One that repeats the row
+    before it makes that count once more.
     """
     weight = row_weights(sample_weight, count)
-    if weight is None or weight.all():
+    counts = np.arange(count) if weight is None else np.flatnonzero(weight)
+    whole = [np.asarray(part) for part in parts if part is not None and len(np.asarray(part)) == count]
+    again = np.arange(1, counts.size)
+    for part in sorted(whole, key=np.ndim):
+        same = np.atleast_2d(part[counts[again]].T == part[counts[again - 1]].T)
+        again = again[same.all(axis=0)]
+    if counts.size == count and not again.size:
         return weight, *parts
-    counts = weight > 0
-    return weight[counts], *(
-        part if part is None or len(np.asarray(part)) != count else np.asarray(part)[counts] for part in parts
+    first = np.delete(np.arange(counts.size), again)
+    weight = np.add.reduceat((np.ones(count) if weight is None else weight)[counts], first)
+    rows = counts[first]
+    return weight, *(
+        part if part is None or len(np.asarray(part)) != count else np.asarray(part)[rows] for part in parts
     )
+
+
+def held_out_groups(cv: Any, X: Array, y: Array) -> NDArray[np.intp]:
+    """Return for each row which test set of a splitter, or of its splits, it is in; -1 in none."""
+    from sklearn.model_selection import check_cv
+
+    groups = np.full(len(y), -1)
+    for group, (_, held_out) in enumerate(check_cv(cv).split(X, y)):
+        groups[held_out] = group
+    return groups
 
 
 def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float64] | None:

@@ -16,18 +16,35 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.paper import TERMS as IDS
 
 TRUTH = np.array([6.066e3, -1.927e5, -2.684e9, 48.13, 1.867])
-EXPECTED_FAILURES = {
-    "check_sample_weight_equivalence_on_dense_data": "a row repeated, unlike one of weight two, may stand in two "
-    "of the segments that are left out in turn (as for scikit-learn's own estimators with cross-validation)",
-}
 
 
 @pytest.mark.filterwarnings("ignore:X has .* features; angle, rate:UserWarning")
-@parametrize_with_checks(
-    [JointRegressor("paper")], expected_failed_checks=lambda estimator: EXPECTED_FAILURES
-)
+@parametrize_with_checks([JointRegressor("paper")])
 def test_scikit_learn_checks(estimator, check):
     check(estimator)
+
+
+@pytest.mark.parametrize("kind", ["number", "splits"])
+def test_the_test_sets_of_a_splitter_are_the_groups(kind, rows):
+    X, y = rows["X"][::7], rows["y"][::7]
+    part = np.arange(len(y)) // 50 % 2
+    cv, groups = {
+        "number": (3, np.repeat([0, 1, 2], [len(each) for each in np.array_split(y, 3)])),
+        "splits": ([(part == 1, part == 0), (part == 0, part == 1)], part),
+    }[kind]
+    own, given = JointRegressor("paper", cv=cv).fit(X, y), JointRegressor("paper").fit(X, y, groups)
+    np.testing.assert_array_equal(own.coef_, given.coef_)
+    np.testing.assert_array_equal(own.model_.standard_errors, given.model_.standard_errors)
+
+
+def test_a_row_of_weight_three_is_a_row_three_times(rows):
+    X, y = rows["X"][::7], rows["y"][::7]
+    weight = np.random.default_rng(4).integers(0, 4, len(y))
+    weighted = JointRegressor("paper").fit(X, y, sample_weight=weight)
+    repeated = JointRegressor("paper").fit(X.repeat(weight, axis=0), y.repeat(weight))
+    # The sums are the same, not their order.
+    np.testing.assert_allclose(weighted.coef_, repeated.coef_, rtol=1e-9)
+    np.testing.assert_allclose(weighted.model_.standard_errors, repeated.model_.standard_errors, rtol=1e-9)
 
 
 def test_columns_beyond_the_acceleration_are_said_not_to_be_used():
