@@ -30,6 +30,8 @@ from sindyjoint.errors import InputError, MissingExtraError, WorkerError, refuse
 T = TypeVar("T")
 R = TypeVar("R")
 
+# Processes on each core of this machine, at most: many more only take its memory.
+PROCESSES_A_CORE = 32
 # As Dask's allowed-failures: so many workers may die on one task before it is given up.
 ATTEMPTS = 3
 
@@ -171,11 +173,19 @@ def check_unused(jobs: int, workers: int | None, cluster: str | None) -> str:
 def _check_way(jobs: int, workers: int | None, cluster: str | None) -> None:
     ways = {"jobs": jobs != 1, "workers": workers is not None, "cluster": cluster is not None}
     given = [name for name, on in ways.items() if on]
+    most = PROCESSES_A_CORE * (os.cpu_count() or 1)
     refuse(
         [
             (len(given) > 1, f"{' and '.join(given)} were given; expected one way to run the tasks"),
             (jobs != -1 and jobs < 1, f"jobs is {jobs}; expected a positive number, or -1 for one per core"),
             (workers is not None and workers < 1, f"workers is {workers}; expected a positive number"),
+            *(
+                (
+                    count > most,
+                    f"{name} asks for more than {most} processes, {PROCESSES_A_CORE} for each core",
+                )
+                for name, count in (("jobs", jobs), ("workers", workers or 0))
+            ),
         ]
     )
 

@@ -87,6 +87,11 @@ def reciprocal(value):
     [
         ({"jobs": 0}, "jobs is 0; expected a positive number"),
         ({"workers": 0}, "workers is 0; expected a positive number"),
+        ({"jobs": 10**6}, "jobs asks for more than [0-9]+ processes, 32 for each core"),
+        (
+            {"workers": 10**99},
+            "workers asks for more than [0-9]+ processes, 32 for each core",
+        ),
         ({"jobs": 2, "workers": 2}, "jobs and workers were given; expected one way"),
         ({"cluster": "nonsense://x"}, "no Dask scheduler answers at 'nonsense://x'"),
     ],

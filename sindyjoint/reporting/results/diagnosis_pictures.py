@@ -46,7 +46,7 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> None:
     """
     motion = result.model.joint.motion
     groups = reported_together(result.steps)
-    labels = ["\n".join(f"+ {spelled(step.effect, motion)}" for step in group) for group in groups]
+    labels = ["\n".join(fill(f"+ {spelled(s.effect, motion)}", 18) for s in group) for group in groups]
     gaps = [result.initial, *(group[-1].gap_after for group in groups)]
     called = {"moment": quantities(motion).moment.lower(), "response": "response"}
     shares = {name: 100 * np.array([getattr(gap, name) for gap in gaps]) for name in called}
