@@ -283,10 +283,11 @@ def by_friction_law(question: Question) -> tuple[tuple[Choice, ...], dict[str, s
     """
     found = question.found
     drag, stribeck = ("coulomb_friction", "linear_damping"), "stribeck_friction"
+    other = {drag[1], *(f"moment_by_{each.name}" for each in found.campaign.inputs)}
     rest = [
         term.term
         for term in found.regressor.terms_
-        if term.id in found.model.ids and term.term.family != "friction" and term.id != drag[1]
+        if term.id in found.model.ids and term.term.family != "friction" and term.id not in other
     ]
     loads = dependences(found.campaign.inputs, (), "loads")
     if not loads.terms or len(question.evidence.groups) < 2:
@@ -299,7 +300,7 @@ def by_friction_law(question: Question) -> tuple[tuple[Choice, ...], dict[str, s
     for each in found.campaign.inputs:
         load = f"coulomb_friction_proportional_to_{each.name}"
         both = (*drag, stribeck, load, f"stribeck_friction_proportional_to_{each.name}")
-        directional = (*both, f"directional_friction_by_{each.name}")
+        directional = (*both, f"moment_by_{each.name}")
         laws[f"M3 {each.name}"] = (*drag, load)
         laws[f"M4 {each.name}, Stribeck"] = both
         laws[f"M5 {each.name}, direction"] = directional

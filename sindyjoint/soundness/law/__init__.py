@@ -225,18 +225,19 @@ def rows_of(runs: Motions, scale: Scale, inertia: float | None) -> Rows:
     Powers of the angle up to the fifth, viscous, quadratic and angle-dependent damping, friction with its dependence on
     the angle; of runs that do not repeat also damping that differs between the directions, and stiffness that depends
     on the rate, which a few mean cycles could not tell from the gain of a run. Each of the paper's coefficients may
-    depend on each input.
+    depend on each input, friction also on the size of one that changes its sign, as of a load.
     """
     a, v = runs.angle / scale.angle, runs.rate / scale.rate
     sign = np.sign(v)
     # A power beyond the second takes a hundred times as long as a product.
     plain = [np.ones_like(a), a, a**2, a**2 * a, v, sign]
-    ends = zip(np.moveaxis(runs.inputs, 2, 0), scale.inputs, strict=True)
+    ends = [*zip(np.moveaxis(runs.inputs, 2, 0), scale.inputs, strict=True)]
     built = [
         *plain,
         *(a**2 * a**2 * a, v * np.abs(v), a * v, a**2 * v, np.abs(a) * sign, a * sign),
         *((np.abs(v), a * v**2) if runs.frequency is None else ()),
         *(c * (x - low) / (high - low) for x, (low, high) in ends if high > low for c in plain),
+        *(sign * np.abs(x) / max(-low, high) for x, (low, high) in ends if low < 0 < high),
         *((runs.acceleration * scale.angle / scale.rate**2,) if inertia is None else ()),
     ]
     moving = np.abs(runs.rate) > SOUNDNESS.minor_share * np.abs(runs.rate).max(axis=1, keepdims=True)
