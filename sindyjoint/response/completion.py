@@ -24,7 +24,7 @@ from sindyjoint.numeric import Array, Complex, kept, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import steady_start
 from sindyjoint.response.laws import held_laws
-from sindyjoint.response.run import RTOL, angle_limits, simulate_motion, span_of
+from sindyjoint.response.run import RTOL, along_motion, angle_limits, remembered, simulate_motion, span_of
 from sindyjoint.states import (
     BAND_SHARE,
     ForceStates,
@@ -111,7 +111,8 @@ def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | No
     start, reach = np.array([state.angle[0], state.rate[0]]), angle_limits(law, state, "windows")
     options = {"rtol": RTOL, "beam_inertia": between, "limits": reach}
     driven = repeated(excitation, 1 / state.fundamental)
-    start, inner = steady_start(law, driven, start, **options)
+    inner = along_motion(law, state, state.sample_rate)[1][:, 0]
+    start, inner = steady_start(law, driven, start, inner, remembered(law, state), state, **options)
     motion = simulate(
         law, driven, 1 / state.fundamental, POINTS * state.fundamental, initial=start, initial_state=inner, **options,
     )  # fmt: skip

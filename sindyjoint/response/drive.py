@@ -14,7 +14,7 @@ from sindyjoint.limits import MEASUREMENT, RESPONSE
 from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import Excitation, Interpolation, sampled
 from sindyjoint.mechanics.stickslip import Motion, simulate
-from sindyjoint.numeric import DIFFERENCE, Array, kept, rms, without_line
+from sindyjoint.numeric import COARSE_DIFFERENCE, DIFFERENCE, Array, Integers, kept, rms, without_line
 from sindyjoint.record import Run
 from sindyjoint.response.laws import LawInRun, elastic_moment
 from sindyjoint.states import ForceStates, HarmonicBasis
@@ -126,7 +126,15 @@ def internal_size(law: Law, along: Array) -> Array:
     return np.where(alone == 0, np.std(along, axis=1), 0.0)
 
 
-def steady_start(law: Law, excitation: Excitation, start: Array, **options: Any) -> tuple[Array, Array]:
+def steady_start(
+    law: Law,
+    excitation: Excitation,
+    start: Array,
+    inner: Array,
+    lasting: Integers,
+    states: ForceStates,
+    **options: Any,
+) -> tuple[Array, Array]:
     """Return angle and rate, and internal states, at the first instant of a period once the motion is steady.
 
     Parameters
@@ -134,14 +142,41 @@ def steady_start(law: Law, excitation: Excitation, start: Array, **options: Any)
     law : Law
     excitation : Excitation
         That repeats.
-    start : ndarray, shape (2,)
-        Angle and rate as measured, rad and rad/s.
+    start, inner : ndarray, shapes (2,) and (n_states,)
+        Angle and rate as measured, rad and rad/s, and internal states to begin with.
+    lasting : ndarray of int
+        Places of the internal states that the motion never forgets: those with which it follows the measured one best.
+    states : ForceStates
+        Measured, from the first instant of a period on.
     **options
         Of :func:`~sindyjoint.mechanics.stickslip.simulate`.
     """
-    duration = (SETTLED * len(excitation.pieces) + 1) * excitation.step
-    settled = simulate(law, excitation, duration, 1 / excitation.step, initial=start, **options)
-    return np.array([settled.angle[-1], settled.rate[-1]]), settled.state[:, -1]
+    nodes, step = len(excitation.pieces), excitation.step
+    measured = np.interp(np.arange(nodes) * step, states.time - states.time[0], states.angle)
+    size = float(np.std(measured))
+
+    def settled(at: Array) -> Motion:
+        begun = inner.copy()
+        begun[lasting] = at * size
+        duration = (SETTLED * nodes + 1) * step
+        return simulate(law, excitation, duration, 1 / step, initial=start, initial_state=begun, **options)
+
+    def apart(at: Array) -> Array:
+        try:
+            return (settled(at).angle[-nodes - 1 : -1] - measured) / size
+        except SimulationError:
+            return np.full(nodes, FAR_OFF)
+
+    found = inner[lasting] / size
+    if lasting.size:
+        step_of = COARSE_DIFFERENCE * np.eye(lasting.size)
+        found = scipy.optimize.least_squares(
+            apart,
+            found,
+            lambda x: np.column_stack([apart(x + h) - apart(x) for h in step_of]) / COARSE_DIFFERENCE,
+        ).x
+    motion = settled(found)
+    return np.array([motion.angle[-1], motion.rate[-1]]), motion.state[:, -1]
 
 
 def fitted_start(

@@ -140,7 +140,7 @@ class OutputError:
         for record in self.runs:
             # A run does not know the initial states of others: those columns are zero. Its initial states at one
             # start act only on the samples up to the next, so all angles move at once, and all rates.
-            groups = [[i] for i in range(self.n_shared)] + [
+            groups = [[i] for i in (*range(self.n_shared), *record.inner_indices)] + [
                 list(record.initial_indices[k::2]) for k in range(2) if record.starts
             ]
             moved = np.array([np.isin(np.arange(x.size), group) * steps for group in groups])
@@ -150,7 +150,7 @@ class OutputError:
             block = np.zeros((values.shape[1], x.size))
             for group, rise in zip(groups, rises, strict=True):
                 for start, i in enumerate(group):
-                    rows = record.rows(start) if i >= self.n_shared else slice(None)
+                    rows = record.rows(start) if i in record.initial_indices else slice(None)
                     block[rows, i] = rise[rows] / (steps[i] * (1 + both[i]))
             columns.append(block)
         return np.vstack(columns)
@@ -290,6 +290,10 @@ class OutputError:
 
     def _inner(self, record: Record, sets: Array) -> Array | None:
         """Return the internal states that each set starts from; how far what is held has yielded is its law's."""
+        if record.remembered.size:
+            inner = np.tile(record.inner, (len(sets), 1))
+            inner[:, record.remembered] = sets[:, record.inner_indices]
+            return inner
         if record.inner is None or not record.inner.size or not released(record.states):
             return record.inner
         motion, rest = followed_motion(record.states), rest_of(record.states)

@@ -28,6 +28,7 @@ from sindyjoint.response.run import (
     averaged,
     followed_motion,
     measured_drive,
+    remembered,
     rest_of,
     settling,
     span_of,
@@ -132,6 +133,8 @@ class Record:
         side a sample is on is a matter of noise.
     inner : ndarray, shape (n_states,), optional
         Internal states that a simulation starts from: those of a joint brought from standstill to the first angle.
+    remembered : ndarray of int
+        Places of those that a run that repeats does not forget: they are estimated.
     cycle : Cycle, optional
         Where one period is simulated for all that the run repeats.
     in_law : pair of ndarray, or None
@@ -146,7 +149,8 @@ class Record:
     window : float
         s, from one start to the next of a joint without restoring moment.
     initial : int
-        Index of the first of these states among the parameters: angle and rate of one start after the other.
+        Index of the first of these states among the parameters: angle and rate of one start after the other; of a run
+        that repeats its internal states: a slider that does not yield in it keeps what came before.
     """
 
     run: Run
@@ -163,6 +167,7 @@ class Record:
     window: float
     initial: int
     in_law: tuple[Array, Array] | None
+    remembered: Integers
     used: Booleans | None = None
     inner: Array | None = None
     cycle: Cycle | None = None
@@ -178,6 +183,11 @@ class Record:
     def initial_indices(self) -> range:
         """Indices of its initial states among the parameters."""
         return range(self.initial, self.initial + 2 * len(self.starts))
+
+    @property
+    def inner_indices(self) -> range:
+        """Indices among the parameters of the internal states that are remembered."""
+        return range(self.initial, self.initial + self.remembered.size)
 
     def rows(self, start: int) -> slice:
         """Return the compared samples that the simulation from one of the starts gives."""
@@ -203,7 +213,7 @@ class Record:
 
 
 def initial_parameters(record: Record, motion: Motion) -> Iterable[Parameter]:
-    """Angle and rate of a run where its simulation starts, and where it is restarted."""
+    """Angle and rate of a run where its simulation starts and is restarted, or its internal states at the start."""
     names = ("angle", "rate") if motion == "rotation" else ("displacement", "velocity")
     signals = tuple(zip(names, (record.states.angle, record.states.rate), strict=True))
     for number, first in enumerate(record.starts, 1):
@@ -218,6 +228,12 @@ def initial_parameters(record: Record, motion: Motion) -> Iterable[Parameter]:
                 value - size,
                 value + size,
             )
+    for place in record.remembered.tolist():
+        assert record.inner is not None
+        value = float(record.inner[place])
+        size = max(2 * abs(value), float(np.ptp(record.states.angle)))
+        name = f"internal state {place + 1} of {record.run.name} at its start"
+        yield Parameter(name, "initial", value, size, -size, size)
 
 
 def term_columns(model: JointModel, terms: Sequence[ModelTerm], states: ForceStates) -> Array:
@@ -290,6 +306,9 @@ def record_of(
         starts = (0,)
     steady = drive == "moment" and states.method == "periodic"
     added = added_law(test, states) if drive == "motion" else None
+    inner = None
+    if drive == "moment" and not test.moments:
+        inner = along_motion(law, states, run.sample_rate)[1][:, 0]
     return Record(
         run=run,
         states=states,
@@ -306,9 +325,8 @@ def record_of(
         initial=index,
         in_law=None if drive == "motion" else numbers_in_law(model, states, test, law),
         used=states.moving[skip:] if drive == "motion" else None,
-        inner=None
-        if drive != "moment" or test.moments
-        else along_motion(law, states, run.sample_rate)[1][:, 0],
+        inner=inner,
+        remembered=np.empty(0, dtype=np.intp) if inner is None or not steady else remembered(law, states),
         cycle=Cycle.of(states, skip, settled) if steady else None,
         columns=term_columns(model, law_terms(model), states) if drive == "motion" else None,
         added=None

@@ -20,7 +20,7 @@ from sindyjoint.mechanics.stickslip import (
     simulate,
     slip_direction,
 )
-from sindyjoint.numeric import Array, Booleans, convolve, rms, smoothing_kernels
+from sindyjoint.numeric import Array, Booleans, Integers, convolve, rms, smoothing_kernels
 from sindyjoint.record import Run
 from sindyjoint.response.drive import (
     Drive,
@@ -360,6 +360,19 @@ def rest_of(states: ForceStates) -> float:
     return float(np.mean(states.angle))
 
 
+def remembered(law: Law, states: ForceStates) -> Integers:
+    """Return the internal states that the whole of a motion leaves where something before it brought them.
+
+    A slider that does not yield in a run keeps what a start-up or a larger motion left. The motion is taken a tenth
+    smaller: limits of sliders are not known better before a fit.
+    """
+    angle, rate = (0.9 * each for each in followed_motion(states))
+    ends = (float(np.mean(angle)) + side * float(np.ptp(angle)) for side in (-1, 1))
+    one, other = (internal_states(law, angle, rate, states.sample_rate, rest=end) for end in ends)
+    apart = np.abs(one - other)
+    return np.flatnonzero(apart[:, -1] > 0.01 * apart[:, 0])
+
+
 def settling(states: ForceStates) -> int:
     """Return the samples of the first period of a periodic run that has periods to spare."""
     if states.method != "periodic" or states.frequency is None:
@@ -472,7 +485,9 @@ def simulate_motion(
     around = options | {"limits": angle_limits(law, states, "windows")}
     if excitation.periodic and drive == "moment":
         # Many internal states settle in a period; a slider that never yields keeps where it began.
-        start, z = steady_start(law, excitation, start, initial_state=z, **around)
+        start, z = steady_start(
+            law, excitation, start, np.array(z), remembered(law, states), states, **around
+        )
     else:
         size = np.array([np.std(states.angle), rms(states.rate), *np.zeros(law.n_states)])
         # A start is known little better by what comes after a cycle.
