@@ -177,8 +177,8 @@ class TermRegression(SelectionRules):
         weight, X, y, groups, runs, blocks, X_replicate, y_replicate = rows_that_count(
             sample_weight, samples, X, y, groups, runs, blocks, X_replicate, y_replicate
         )
-        if sample_weight is not None:
-            samples = np.count_nonzero(row_weights(sample_weight, samples))
+        given = row_weights(sample_weight, samples)
+        samples = samples if given is None else np.count_nonzero(given)
         names = input_names(self.inputs)
         motion = X.shape[1] - len(names)
         if motion not in (2, 3):

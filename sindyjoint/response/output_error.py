@@ -290,7 +290,7 @@ class OutputError:
 
     def _inner(self, record: Record, sets: Array) -> Array | None:
         """Return the internal states that each set starts from; how far what is held has yielded is its law's."""
-        if record.remembered.size:
+        if record.inner is not None and record.remembered.size:
             inner = np.tile(record.inner, (len(sets), 1))
             inner[:, record.remembered] = sets[:, record.inner_indices]
             return inner
