@@ -179,7 +179,8 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
     if (beyond or excess) and not gaps.helped(policy):
         return "unknown", f"the effects found hardly help on data left out of the fit; {size} remains"
     if beyond or excess:
-        left = size if beyond else f"{share} of the gap beyond noise"
+        # The share is that of a gap from which channels put right have gone: all of it, where nothing else was found.
+        left = size if final > floor else f"{share} of the gap beyond noise"
         return (
             "partly_named",
             f"{_explaining('a part', steps, gaps.initial, policy)}; {left} remains unexplained",

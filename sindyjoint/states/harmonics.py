@@ -242,12 +242,16 @@ def unsteady_periods(
 def _sum_periods(signal: Array, sample_rate: float, frequency: float, orders: Sequence[int]) -> Complex:
     """Return the sums of a signal times some harmonics' rotation over each whole period, shape (periods, orders).
 
-    A harmonic's sum over one period is not zero where the period is no whole number of samples; the mean is removed
-    first, so the remainder is the same in every period.
+    A sample that the end of a period divides counts for both sides by its parts: a period would else have one sample
+    more than another. A harmonic's sum over one period is not quite zero then; the mean is removed first, so the
+    remainder is the same in every period.
     """
     per = sample_rate / frequency
-    edges = np.round(np.arange(int(signal.size / per) + 1) * per).astype(int)
-    time = np.arange(edges[-1]) / sample_rate
-    rotation = np.exp(-2j * np.pi * frequency * np.outer(time, orders))
-    centred = signal[: edges[-1]] - np.mean(signal)
-    return np.add.reduceat(centred[:, None] * rotation, edges[:-1], axis=0)
+    ends = np.arange(int(signal.size / per) + 1) * per
+    whole = np.minimum(ends.astype(int), signal.size - 1)
+    time = np.arange(whole[-1] + 1) / sample_rate
+    rotated = (signal - np.mean(signal))[: time.size, None] * np.exp(
+        -2j * np.pi * frequency * np.outer(time, orders)
+    )
+    before = np.cumsum(rotated, axis=0) - rotated
+    return np.diff(before[whole] + (ends - whole)[:, None] * rotated[whole], axis=0)

@@ -356,7 +356,7 @@ FAULTS = {
     "gain_ten_percent": Fault(of("moment")(scaled(1.1, 1.15)), GAIN),
     "angle_gain_ten_percent": Fault(of("angle")(scaled(1.12, 1.18)), GAIN),
     "gain_changes": Fault(of("moment")(scaled_from_the_middle), ("gain_changes",)),
-    "level_changes": Fault(two_levels, ("level_changes", "lost_samples", "channel_slip"), "campaign"),
+    "level_changes": Fault(two_levels, ("level_changes",), "campaign"),
     "angle_offset": Fault(of("angle")(offset), ("angle_offset",), "all"),
     "one_run_offset": Fault(of("angle")(offset), ("angle_offset",)),
     "mains_in_moment": Fault(of("moment")(hum), ("mains_hum",), "all"),

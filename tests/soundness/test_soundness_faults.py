@@ -98,6 +98,23 @@ def test_another_friction_or_temperature_is_no_delay_and_no_gain(other):
     assert (finding.id, finding.run) == ("run_differs", "3 Hz, 0.0004")
 
 
+@pytest.mark.parametrize(
+    ("fall", "step", "not_there"),
+    [(0.5, 0.0, "clock_drift"), (0.0, -0.5, "channel_slip"), (0.0, 1.0, "channel_slip")],
+)
+def test_what_a_joint_does_to_the_phase_is_no_fault_of_a_clock(fall, step, not_there):
+    # Friction that falls along the run, or another level from the middle on, turns the moment against the angle.
+    time, rng = np.arange(12_000) / 1000.0, np.random.default_rng(7)
+    turn = 6 * np.pi * time
+    angle = 5e-4 * (1 + step * (time > 6.0)) * np.sin(turn)
+    moment = 6000 * angle + (1 - fall * time / 12) * np.sign(np.cos(turn))
+    noisy = [x + 0.005 * np.std(x) * rng.standard_normal(x.size) for x in (moment, angle)]
+    ids = {
+        f.id for f in findings_of(Campaign(Joint(inertia=0.0), (Run("a", *noisy, 1000.0, frequency=3.0),)))
+    }
+    assert not_there not in ids and (not step or "level_changes" in ids)
+
+
 def run_of(moment, angle, name="a", **rest):
     return Run(name, moment, angle, 100.0, **rest)
 

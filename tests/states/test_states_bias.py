@@ -141,9 +141,9 @@ def test_skew_is_found_in_a_sticking_joint(joint, lag):
 
 def test_a_heavy_joint_has_no_skew_of_its_own():
     # Without the slope of the inertia's moment among what a lag changes, 1.5 kg·m² shows 1.4 ms at 1 % noise. What is
-    # left, 0.11 ms, is the truncated acceleration at the end of a slip.
+    # left, 0.0 to 0.2 ms over six seeds, is the truncated acceleration at the end of a slip.
     campaign = simulate(replace(LAW, inertia=1.5), noise=0.01, random_state=0)
-    assert abs(discover(campaign, "paper", correct=False).skew.time) < 2e-4
+    assert abs(discover(campaign, "paper", correct=False).skew.time) < 2.5e-4
 
 
 @pytest.mark.parametrize("align", [False, True])

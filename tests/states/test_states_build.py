@@ -100,6 +100,16 @@ def test_transient_is_left_out():
     assert quiet.dropped == 0.0
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.003])
+def test_a_steady_run_has_no_transient_where_a_period_is_no_whole_number_of_samples(noise):
+    time = np.arange(10_000) / 1000.0
+    turn = 2 * np.pi * 7.0 * time + 1.0
+    moment, angle = 3 * np.sin(turn), 5e-4 * np.sin(turn - 0.2)
+    error = noise * np.random.default_rng(0).standard_normal((2, time.size))
+    run = Run("a", moment + 3 * error[0], angle + 5e-4 * error[1], 1000.0, frequency=7.0)
+    assert force_states(run).dropped == 0.0
+
+
 def test_declared_frequency_is_refined():
     run = replace(harmonic_run(4.02)[0], frequency=4.0)
     assert force_states(run).frequency == pytest.approx(4.02, abs=1e-5)

@@ -129,9 +129,10 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
     lines = {name: line[first:last] for name, line in lines.items()}
     if clock not in lines:
         return
-    found = list(
-        _find_phase_steps(record, lines, first, words) or _find_level_steps(record, lines, first, words)
-    )
+    found = list(_find_level_steps(record, lines, first, words))
+    if not any(each.id == "level_changes" for each in found):
+        # Of a joint with friction the channels' phase against each other goes with the level.
+        found = _find_phase_steps(record, lines, first, words) or found
     yield from found
     if not found and not words.structure:
         for name in lines:
@@ -273,6 +274,10 @@ def _find_clock_drift(record: Record, lines: Lines, words: Words) -> Iterator[Fi
     apart = np.unwrap(np.angle(lines["moment"] * np.conj(lines["angle"])))
     slope = drift_of(apart, max(SOUNDNESS.tolerated, _beat(record)))
     if slope is None:
+        return
+    # A clock turns the moment against the angle. A joint that changes makes it larger or smaller, too.
+    ratio = drift_of(np.log(np.abs(lines["moment"]) / np.abs(lines["angle"])), 0.0, even=False) or 0.0
+    if abs(ratio) > SOUNDNESS.large_part * abs(slope):
         return
     total = slope * apart.size
     delay = 1e3 * total / (2 * np.pi) * record.samples_per_period / record.sample_rate
