@@ -178,7 +178,7 @@ class TermRegression(SelectionRules):
             sample_weight, samples, X, y, groups, runs, blocks, X_replicate, y_replicate
         )
         given = row_weights(sample_weight, samples)
-        samples = samples if given is None else np.count_nonzero(given)
+        samples = samples if given is None else int(np.count_nonzero(given))
         names = input_names(self.inputs)
         motion = X.shape[1] - len(names)
         if motion not in (2, 3):
