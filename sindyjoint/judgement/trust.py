@@ -116,7 +116,7 @@ def assess(
     try:
         if states is None:
             states = _completed(model, campaign, runs)
-        floor = _floor(as_measured, states, campaign)
+        floor = _floor(as_measured, states, model.joint.inertia)
         fitted = [
             _explained(model, test, each, group)
             for each, group in zip(states, group_labels(states), strict=True)
@@ -253,7 +253,7 @@ def _completed(model: JointModel, campaign: Campaign, runs: Sequence[Run]) -> tu
         return states
 
 
-def _floor(as_measured: Campaign | None, states: Sequence[ForceStates], campaign: Campaign) -> Floor:
+def _floor(as_measured: Campaign | None, states: Sequence[ForceStates], inertia: float | None) -> Floor:
     """Return the floor of the runs for identification, the noise of the moment as it was measured."""
     if as_measured is not None:
         runs = as_measured.identification_runs or as_measured.validation_runs
@@ -263,7 +263,7 @@ def _floor(as_measured: Campaign | None, states: Sequence[ForceStates], campaign
             replace(s, noise=replace(m.noise, rate=s.noise.rate, acceleration=s.noise.acceleration))
             for s, m in pairs
         ]
-    return moment_floor(states, campaign.joint.inertia, bounded=True)
+    return moment_floor(states, inertia, bounded=True)
 
 
 def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tuple[ForceStates, Array]:
