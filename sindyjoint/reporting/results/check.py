@@ -99,7 +99,7 @@ def gather_check(check: Check[Any]) -> CheckData:
     segments = int(np.clip(30_000 // max(sum(len(run.channels) for run in check.recorded), 1), 60, 450))
     return CheckData(
         check.name,
-        check.motion,
+        check.words.motion,
         check.soundness.verdict,
         tuple(_gather_run(check, run, segments) for run in check.recorded),
     )
