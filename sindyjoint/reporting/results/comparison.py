@@ -47,13 +47,12 @@ def _best_first(choices: Sequence[Choice]) -> list[Choice]:
 
 def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
     """Return a row for each term, and for what a search was not given; a column for each choice, best first."""
-    whole = {
+    name, title = {
         "method": ("methods", "Methods against terms"),
         "frequency": ("frequencies", "Each single frequency against terms"),
         "library": ("libraries", "Libraries against terms"),
         "friction law": ("friction-laws", "Laws of friction under the load"),
-    }
-    name, title = whole.get(by, (f"{by}s", f"Each single {by} against terms"))
+    }.get(by, (f"{by}s", f"Each single {by} against terms"))
     choices = _best_first(choices)
     held = [t for t in result.shown_ids if t in result.reference or any(choice[t] for choice in choices)]
     rows = [
@@ -74,7 +73,6 @@ def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) 
 def coefficients_table(result: Comparison) -> TextTable:
     """List each term of the model: inclusion, value and interval."""
     share = dict(zip(result.ids, result.inclusion, strict=True))
-
     return tabulate(
         "coefficients",
         "Coefficients",
@@ -91,9 +89,6 @@ def coefficients_table(result: Comparison) -> TextTable:
 def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
     """Return a row for each coefficient: its value at each frequency, and whether that changes."""
 
-    def at_frequency(test: FrequencyTest, at: int) -> str:
-        return estimate(test.estimates[at], test.standard_errors[at])
-
     def answer(test: FrequencyTest) -> str:
         small = test.answer == "independent within margin" and test.p_value < DISCOVERY.level
         return test.answer + (f"; a change of {signed_percent(test.change)} is significant" if small else "")
@@ -104,7 +99,10 @@ def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
         tests,
         {
             "term": lambda test: spelled(test.name, motion),
-            **{f"{f:.4g} Hz": partial(at_frequency, at=at) for at, f in enumerate(tests[0].frequencies)},
+            **{
+                f"{f:.4g} Hz": lambda test, at=at: estimate(test.estimates[at], test.standard_errors[at])
+                for at, f in enumerate(tests[0].frequencies)
+            },
             "Q": lambda test: f"{test.q:.1f}",
             "I²": lambda test: f"{100 * test.i_squared:.0f} %",
             "τ / mean": lambda test: _percent(test.tau / abs(test.mean)),
@@ -129,18 +127,15 @@ def folds_table(result: Comparison) -> TextTable:
         for kind, validation in result.left_out.items()
         for fold in validation.folds
     ]
-    single = set(result.left_out) == {"time"}
     kinds = " or ".join(
-        kind if kind in ("frequency", "level") else f"level of {kind}" for kind in result.left_out
+        kind if kind in ("frequency", "level", "run") else f"level of {kind}" for kind in result.left_out
     )
-    apart = (
-        "one run"
-        if set(result.left_out) == {"run"}
-        else f"the runs of one {kinds}".replace("level of run", "run")
+    apart = {"time": "one part of the run", "run": "one run"}.get(
+        "".join(result.left_out), f"the runs of one {kinds}"
     )
     return TextTable(
         "left-out",
-        "Without one part of the run" if single else f"Without {apart}",
+        f"Without {apart}",
         ("left out", f"error of its {quantities(result.motion).moment.lower()}", "terms found"),
         tuple(rows),
     )
@@ -180,12 +175,16 @@ def choices_table(result: Comparison) -> TextTable:
 
 def given_model_table(given: GivenModel, motion: str) -> TextTable:
     """Return a model that was there before, beside the others."""
-    rows = (
-        ("terms", _listed(given.terms, motion)),
-        ("elements", _listed(given.elements, motion)),
-        ("its numbers were fitted to this campaign", "yes" if given.seen else "no"),
+    return TextTable(
+        "given-model",
+        "The given model",
+        ("", "given model"),
+        (
+            ("terms", _listed(given.terms, motion)),
+            ("elements", _listed(given.elements, motion)),
+            ("its numbers were fitted to this campaign", "yes" if given.seen else "no"),
+        ),
     )
-    return TextTable("given-model", "The given model", ("", "given model"), rows)
 
 
 def _listed(ids: Sequence[str], motion: str) -> str:
@@ -348,10 +347,9 @@ def _files(result: Comparison, data: Comparison) -> dict[str, str]:
 
 def _about(result: Comparison) -> str:
     """Return the joint, and how much is compared."""
-    simulated = " (simulated)" if result.simulated else ""
     plural = {"method": "methods", "library": "libraries", result.parts: result.several}
     many = [f"{len(each)} {plural.get(by, f'{by}s')}" for by, each in result.groups.items() if each]
-    return f"{escape(result.joint)}{simulated}: terms by {', '.join(many)}"
+    return f"{escape(result.joint)}{' (simulated)' * result.simulated}: terms by {', '.join(many)}"
 
 
 def _printed(result: Comparison, console: Console) -> list[Any]:

@@ -14,7 +14,7 @@ from sindyjoint.reporting.page import Blocks, Page, Section, capital, section
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, Axes, amount, shortened
 from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, escape, tabulate
 from sindyjoint.reporting.view import View
-from sindyjoint.substructure.forced import ForcedResponse, StructureCurves
+from sindyjoint.substructure.forced import StructureCurves
 from sindyjoint.substructure.joint_curves import MEASURES, JointCurves
 from sindyjoint.substructure.modes import ModeCurve
 from sindyjoint.text import quantities
@@ -334,19 +334,18 @@ def _structure_files(result: StructureCurves, data: StructureCurves) -> dict[str
     """Return response and modes as tables, SI units; edges are points of the 95 % band's two edges."""
     quantity = "angle_rad" if result.motion == "rotation" else "elongation_m"
     names = [f"{joint}_{quantity}" for joint in result.joints]
-
-    def edge(level: ForcedResponse, name: str, side: int) -> dict[str, Any]:
-        ends = f"{name}95_frequency_Hz", f"{name}95_amplitude_m"
-        return dict(zip(ends, level.band95(side), strict=True))
-
+    edges = {
+        f"{end}95_{of}": (side, at)
+        for end, side in (("low", -1), ("high", 1))
+        for at, of in enumerate(("frequency_Hz", "amplitude_m"))
+    }
     responses = [
         {
             "force_N": np.full(level.frequency.size, level.force),
             "frequency_Hz": level.frequency,
             "amplitude_m": level.amplitude,
             "phase_deg": np.degrees(level.phase),
-            **edge(level, "low", -1),
-            **edge(level, "high", 1),
+            **{name: level.band95(side)[at] for name, (side, at) in edges.items()},
             **dict(zip(names, level.angle, strict=True)),
             "stable": level.stable.astype(int),
             "tested": level.tested.astype(int),
@@ -368,16 +367,6 @@ def _structure_files(result: StructureCurves, data: StructureCurves) -> dict[str
         for mode in result.modes
     ]
     return {"response.csv": _stacked(responses), "modes.csv": _stacked(modes)}
-
-
-def _structure_details(result: StructureCurves) -> Iterator[str]:
-    """Yield the number of points of each curve."""
-    yield from (
-        f"mode {m.number}: {m.amplitude.size} amplitudes, {m.harmonics} harmonics" for m in result.modes
-    )
-    yield from (
-        f"{f.force:g} N: {f.frequency.size} frequencies, {f.harmonics} harmonics" for f in result.levels
-    )
 
 
 def joint_headline(result: JointCurves) -> str:
@@ -439,5 +428,9 @@ STRUCTURE_CURVES = View(
     tables=_structure_tables,
     page=_structure_page,
     files=_structure_files,
-    details=_structure_details,
+    # The number of points of each curve.
+    details=lambda result: (
+        *(f"mode {m.number}: {m.amplitude.size} amplitudes, {m.harmonics} harmonics" for m in result.modes),
+        *(f"{f.force:g} N: {f.frequency.size} frequencies, {f.harmonics} harmonics" for f in result.levels),
+    ),
 )

@@ -64,14 +64,13 @@ def _tables(result: Diagnosis) -> tuple[TextTable, ...]:
 
 def _rows(result: Diagnosis) -> list[dict[str, Any]]:
     """Return the gaps of the model alone, after each step, and of the noise, as shares."""
-    rows = [
-        ("model alone", result.initial, np.nan),
-        *((step.effect, step.gap_after, step.probability) for step in result.steps),
-        ("noise floor", result.noise_floor, np.nan),
-    ]
     return [
         {"step": name, "moment_gap": gap.moment, "response_gap": gap.response, "probability": probability}
-        for name, gap, probability in rows
+        for name, gap, probability in (
+            ("model alone", result.initial, np.nan),
+            *((step.effect, step.gap_after, step.probability) for step in result.steps),
+            ("noise floor", result.noise_floor, np.nan),
+        )
     ]
 
 

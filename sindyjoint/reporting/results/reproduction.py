@@ -340,23 +340,18 @@ def _page(result: Reproduction, data: ReproductionFigures, show: Blocks) -> Page
     )
 
 
-def _printed(result: Reproduction, console: Console) -> list[Any]:
-    """Return tables and statements."""
-    titled = [
-        replace(table, title=f"{table.title[:-1]}, identified (paper)")
-        for table in map(joint_table, result.joints)
-    ]
-    return [*_titled(*titled), f"{escape(_LEGEND)}\n", *_said(result.checks, result.statements)]
-
-
-def _titled(*tables: TextTable) -> Iterator[Any]:
-    for table in tables:
-        yield from (escape(table.title), table, "")
+def _printed(result: Reproduction, console: Console) -> Iterator[Any]:
+    """Yield tables and statements."""
+    for table in map(joint_table, result.joints):
+        yield from (f"{escape(table.title[:-1])}, identified (paper)", table, "")
+    yield f"{escape(_LEGEND)}\n"
+    yield from _said(result.checks, result.statements)
 
 
 def _said(checks: Sequence[TableCheck], findings: Sequence[str]) -> list[Any]:
     """Return what the paper's printed tables show."""
-    return [*_titled(check_table(checks)), *(f"- {escape(text)}" for text in findings)]
+    table = check_table(checks)
+    return [escape(table.title), table, "", *(f"- {escape(text)}" for text in findings)]
 
 
 def _details(result: Reproduction) -> Iterator[str]:
@@ -400,9 +395,8 @@ def _four_digits(value: float) -> str:
 def check_table(checks: Sequence[TableCheck]) -> TextTable:
     """Return what the printed tables say."""
     columns = (
-        *("table", "parameter", "average", "printed", "s.d.", "printed"),
-        *("change, 3–6 Hz", "possible", "answer"),
-    )
+        "table", "parameter", "average", "printed", "s.d.", "printed", "change, 3–6 Hz", "possible", "answer",
+    )  # fmt: skip
     rows = tuple(
         (
             str(check.table),

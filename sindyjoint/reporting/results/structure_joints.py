@@ -112,17 +112,19 @@ def gather(result: RigDiscovery) -> StructureFigures:
 
 def _tables(result: RigDiscovery) -> tuple[TextTable, ...]:
     """Return the terms of every law, how each joint is shown, and the structure's numbers."""
-    models = {law.kind: law.discovery.model for law in result.laws if law.discovery is not None}
-    terms = {kind: model_table(model).take(*TERMS) for kind, model in models.items()}
     update = result.update
     known = () if update is None else (update.names, update.prior, update.change, update.standard_error)
-    how = "Standard errors of the strongest harmonic, of the run that shows the joint best."
-    rows = tuple((kind, *row) for kind, table in terms.items() for row in table.rows)
+    rows = tuple(
+        (law.kind, *row)
+        for law in result.laws
+        if law.discovery is not None
+        for row in model_table(law.discovery.model).take(*TERMS).rows
+    )
     return (
         TextTable("terms", "Terms by kind of joint", ("Kind", *TERMS), rows, text=("Unit",)),
         tabulate(
             "joints",
-            how,
+            "Standard errors of the strongest harmonic, of the run that shows the joint best.",
             result.seen,
             {
                 "Joint": lambda one: one.joint,
@@ -177,11 +179,10 @@ def _page(result: RigDiscovery, data: StructureFigures, show: Blocks) -> Page:
 
 def _about(result: RigDiscovery) -> str:
     """Return how many runs, sensors and joints there are."""
-    simulated = " (simulated)" if result.simulated else ""
-    many = (
-        f"{len(result.recoveries)} run(s), {len(result.test.sensors)} sensor(s), {len(result.seen)} joint(s)"
+    return (
+        f"[bold]{escape(result.test.name)}{' (simulated)' * result.simulated}[/]: {len(result.recoveries)} run(s), "
+        f"{len(result.test.sensors)} sensor(s), {len(result.seen)} joint(s)"
     )
-    return f"[bold]{escape(result.test.name)}{simulated}[/]: {many}"
 
 
 def _printed(result: RigDiscovery, console: Console) -> Iterator[Any]:

@@ -23,7 +23,7 @@ from sindyjoint.reporting.figure import (
 )
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, Axes, plain, prefixed, pretty_unit, shortened
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, Axes, amount, plain, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
     Console,
@@ -251,24 +251,20 @@ def in_its_unit(run: RunVerification) -> str:
     """Return the RMS error of a run in the unit of its channel, with a prefix."""
     if run.rmse is None:
         return DASH
-    whole = 1.0, pretty_unit(run.rmse_unit)
-    factor, unit = prefixed(run.rmse, run.rmse_unit) if run.rmse_unit in PREFIXED else whole
-    return f"{short_number(run.rmse * factor)} {unit}".rstrip()
+    if run.rmse_unit in PREFIXED:
+        return amount(run.rmse, run.rmse_unit, 4)
+    return f"{short_number(run.rmse)} {pretty_unit(run.rmse_unit)}".rstrip()
 
 
 def _tables(result: Verification) -> tuple[TextTable, ...]:
     """Return the runs and the models' terms."""
     load = quantities(result.model.joint.motion).moment
-    virtual = VERIFICATION.simulated(result)
-    caption = in_words_of_origin(virtual, "Errors relative to the RMS of what was measured.")
-    others = (
-        replace(model_table(model), name=f"terms-{place}", title=f"Coefficients of {model.joint.name}.")
-        for place, model in enumerate(result.beside, 2)
-    )
     return (
         tabulate(
             "runs",
-            caption,
+            in_words_of_origin(
+                VERIFICATION.simulated(result), "Errors relative to the RMS of what was measured."
+            ),
             result.runs,
             {
                 "Run": lambda run: run.name,
@@ -283,7 +279,10 @@ def _tables(result: Verification) -> tuple[TextTable, ...]:
             },
         ),
         model_table(result.model),
-        *others,
+        *(
+            replace(model_table(model), name=f"terms-{place}", title=f"Coefficients of {model.joint.name}.")
+            for place, model in enumerate(result.beside, 2)
+        ),
     )
 
 
