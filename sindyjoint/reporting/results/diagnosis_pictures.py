@@ -178,12 +178,9 @@ def _drawn(
     for one, values, look in runs:
         unnamed = {name: value for name, value in look.items() if name != "label"}
         curves += [(x, y, unnamed) for x, y in _pieces(one, values)] + [([], [], look)]
-    time = time_label(result.model.fitted.quasi_static, motion)
     where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
-    plot(
-        ax, across if run.frequency > 0 else time, up, curves, where if run.repeats else run.run,
-        columns=1 if behind else 2,
-    )  # fmt: skip
+    along = across if run.frequency > 0 else time_label(result.model.fitted.quasi_static, motion)
+    plot(ax, along, up, curves, where if run.repeats else run.run, columns=1 if behind else 2)
 
 
 def _pieces(run: RunGap, values: Array) -> list[tuple[Array, Array]]:

@@ -69,7 +69,7 @@ def loops_payload(data: ReportData) -> dict[str, Any]:
     x, y = _loop_scales(data)
     # Beyond this many runs each loop is thinned, so that the page of a hundred runs stays small.
     step = max(1, -(-sum(loop.angle.size for loop in data.loops) // 24_000))
-    labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
+    labels = run_labels(data.loops)
     groups = {loop.run: group for group, members in loop_groups(data).items() for loop in members}
     return {
         "x": x.to_dict(),
@@ -204,8 +204,8 @@ def cut_at_centre(data: ReportData, ax: Axes) -> None:
         curves.append(
             (rates, data.model.moment(np.full_like(rates, angle), rates), {"color": INK, "label": "model"})
         )
-    at = f"{q.angle_symbol} = {centre * x.factor:.3g}" + (f" {x.unit}" if centre else "")
-    plot(ax, y, z, curves, f"Cut at {at}")
+    unit = f" {x.unit}" if centre else ""
+    plot(ax, y, z, curves, f"Cut at {q.angle_symbol} = {centre * x.factor:.3g}{unit}")
 
 
 def map_payload(data: ReportData) -> dict[str, Any]:
@@ -213,7 +213,6 @@ def map_payload(data: ReportData) -> dict[str, Any]:
     x, y, z = _map_scales(data)
     surface, has_model = data.surface, bool(data.model.terms)
     values = [field * z.factor for field in (surface.moment, surface.spread, data.residual_map.moment)]
-    cells = zip(*np.nonzero(surface.filled), strict=True)
     return {
         "axes": [
             x.to_dict() | {"edges": short_numbers(surface.angle_edges * x.factor)},
@@ -222,7 +221,7 @@ def map_payload(data: ReportData) -> dict[str, Any]:
         ],
         "cells": [
             [int(i), int(j), int(surface.count[i, j]), *(short_numbers(field[i, j]) for field in values)]
-            for i, j in cells
+            for i, j in np.argwhere(surface.filled)
         ],
         "upper": short_numbers(data.upper * z.factor) if has_model else [],
         "lower": short_numbers(data.lower * z.factor) if has_model else [],
@@ -245,14 +244,10 @@ def _ramp(name: str) -> list[str]:
 def residual_phase(data: ReportData, ax: Axes) -> None:
     """Draw the mean residual over the phase of the cycle, one line per frequency; gaps where the joint sticks."""
     q = quantities(data.model.joint.motion)
-    folded = {
-        group: [loop.residual_over_phase for loop in members if loop.residual_over_phase.size]
-        for group, members in loop_groups(data).items()
-    }
     lines = {
         group: np.ma.masked_invalid(courses).mean(axis=0).filled(np.nan)
-        for group, courses in folded.items()
-        if courses
+        for group, members in loop_groups(data).items()
+        if (courses := [loop.residual_over_phase for loop in members if loop.residual_over_phase.size])
     }
     if not lines:
         return nothing(ax, "no periodic run: there is no phase to fold on")
@@ -278,14 +273,15 @@ def residual_phase(data: ReportData, ax: Axes) -> None:
 
 def residual_time(data: ReportData, ax: Axes) -> None:
     """Draw the RMS residual in intervals of time, with the noise floor."""
-    labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
-    chosen, fitted = spread(data.loops), data.model.fitted
+    labels, chosen, fitted = run_labels(data.loops), spread(data.loops), data.model.fitted
     motion, floor = data.model.joint.motion, fitted.noise_floor
     curves: list[Curve] = [
-        (loop.time, loop.residual_over_time, cycled(place, label=shortened(labels[loop.run], 18)))
-        for place, loop in enumerate(chosen)
+        *(
+            (loop.time, loop.residual_over_time, cycled(place, label=shortened(labels[loop.run], 18)))
+            for place, loop in enumerate(chosen)
+        ),
+        (None, floor, NOISE_FLOOR),
     ]
-    curves.append((None, floor, NOISE_FLOOR))
     top = _top([loop.residual_over_time for loop in chosen])
     up = scaled("RMS residual", top, quantities(motion).moment_unit)
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"

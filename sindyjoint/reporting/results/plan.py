@@ -77,11 +77,9 @@ def draw_curve(data: Plan, ax: Axes) -> None:
 
 def draw_complete(data: Plan, ax: Axes) -> None:
     """Draw the share of the joints of which a discovery takes every term that matters, over the time of the runs."""
-    steps = [step.seconds for step in data.curve], [100 * step.complete for step in data.curve]
-    plot(
-        ax, "Time of all runs (s)", "Joints with every term found (%)", [(*steps, DOTS | {"ms": 3.5})],
-        ylim=(0, 104), xlim=(0, None),
-    )  # fmt: skip
+    curve = [s.seconds for s in data.curve], [100 * s.complete for s in data.curve], DOTS | {"ms": 3.5}
+    label = "Joints with every term found (%)"
+    plot(ax, "Time of all runs (s)", label, [curve], ylim=(0, 104), xlim=(0, None))
 
 
 def draw_separation(data: Plan, ax: Axes) -> None:
@@ -275,7 +273,6 @@ def _page(result: Plan, data: Plan, show: Blocks) -> Page:
     """Return what the plan promises, its runs, and what they are expected to tell."""
     runs, widths = _tables(result)
     files = markup("The same in <code>{}</code>; <code>drive-*.csv</code> hold what is prescribed over time.")
-    listed = show.tables(runs), show.paragraph(files.format(PLAN_NAME))
     reason = f"{sentence(result.stop)} {sentence(undetermined_words(result))}".rstrip()
     name = data.model.joint.name
     return Page(
@@ -290,7 +287,8 @@ def _page(result: Plan, data: Plan, show: Blocks) -> Page:
                 "runs",
                 "The runs",
                 "Runs",
-                *(listed if runs.rows else (show.paragraph("None."),)),
+                show.tables(runs),
+                show.paragraph(files.format(PLAN_NAME) if runs.rows else "None."),
                 show.pictures("runs", "curve", "apart"),
             ),
             section(

@@ -240,29 +240,23 @@ def _tables(result: Reproduction) -> tuple[TextTable, ...]:
 
 def _trust(result: Reproduction) -> Trust:
     """Return whether the paper's numbers come back, and what to do next."""
-    far = {joint.table.joint: float(joint.largest_error.max()) for joint in result.joints}
-    furthest = max(far, key=lambda name: far[name])
-    within = far[furthest] < 1
+    far, furthest = max((float(joint.largest_error.max()), joint.table.joint) for joint in result.joints)
     error, printed = result.pulse.plain.amplitude_rms_error, PULSE.amplitude_rms_error
-    near = error is not None and error <= printed
     lights = (
         Light(
             "tables",
-            "good" if within else "poor",
-            f"the furthest parameter is {far[furthest]:.2f} of the paper's standard deviations from its truth, that of "
-            f"the {furthest}",
+            "good" if far < 1 else "poor",
+            f"the furthest parameter is {far:.2f} of the paper's standard deviations from its truth, that of the "
+            f"{furthest}",
         ),
         Light(
             "pulse",
-            "good" if near else "fair",
+            "good" if error is not None and error <= printed else "fair",
             f"the model leaves {percent(error)} of the amplitude, the paper prints {percent(printed)}",
         ),
     )
-    own = (
-        "put files of your own runs into a folder, and run there: sindyjoint init .",
-        "begin with your own joint",
-    )
-    return Trust(lights, (own,))
+    own = "put files of your own runs into a folder, and run there: sindyjoint init ."
+    return Trust(lights, ((own, "begin with your own joint"),))
 
 
 def _page(result: Reproduction, data: ReproductionFigures, show: Blocks) -> Page:

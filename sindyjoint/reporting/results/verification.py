@@ -305,13 +305,15 @@ def _page(
     if len(result.runs) > 1:
         caption = f"Worst of the runs: {caption[:1].lower()}{caption[1:]}"
     said = f"The model {'gives the measured' if passed else 'misses the'} response."
-    badge = "confirmed" if passed else "refuted"
     facts = [
-        (f"{load} error", result.moment_nrmse, percent, "relative RMS"),
-        ("Amplitude", result.amplitude_rms_error, percent, "RMS difference, of the first amplitude"),
-        ("Period", result.mean_period_difference, milliseconds, "mean difference"),
+        (name, shown(value), of)
+        for name, value, shown, of in (
+            (f"{load} error", result.moment_nrmse, percent, "relative RMS"),
+            ("Amplitude", result.amplitude_rms_error, percent, "RMS difference, of the first amplitude"),
+            ("Period", result.mean_period_difference, milliseconds, "mean difference"),
+        )
+        if value is not None
     ]
-    known = [(name, shown(value), of) for name, value, shown, of in facts if value is not None]
     runs, *others = tables(result)
     failures = [f"{run.name}: {run.failure}." for run in result.runs if run.failure]
     seen = "virtual test" if virtual else "measured"
@@ -321,10 +323,12 @@ def _page(
         result.model.joint.name,
         show.hero("cycles", errors.index(max(errors)), caption),
         (
-            show.verdict(in_words_of_origin(virtual, said), badge, result.verdict),
+            show.verdict(
+                in_words_of_origin(virtual, said), "confirmed" if passed else "refuted", result.verdict
+            ),
             *(show.equation(markup(mathml(model))) for model in (result.model, *result.beside)),
         ),
-        (show.facts(known), show.warnings(_warnings(result))),
+        (show.facts(facts), show.warnings(_warnings(result))),
         (
             section("runs", "Runs", "Runs", show.table(runs), show.items(failures)),
             section(
