@@ -48,7 +48,11 @@ def judge_check(check: Check[Any]) -> Trust:
     left_out = all(f.masked for f in soundness.findings if f.severity == "biases")
     accepted = "; accepted" if stops and not soundness.stopping else ""
     lights = (
-        Light("faults", "poor" if soundness.stopping else "fair", f"{_named(stops, check.words.motion)}{accepted}")
+        Light(
+            "faults",
+            "poor" if soundness.stopping else "fair",
+            f"{_named(stops, check.words.motion)}{accepted}",
+        )
         if stops
         else Light("faults", "good", "nothing found that prevents a model"),
         doubt(

@@ -60,8 +60,8 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> None:
     low, thick = 0.5 * min(known) if far else 0.0, 0.8 / max(len(shares), 1)
     for index, (name, values) in enumerate(shares.items()):
         rows = np.arange(values.size) + (index - 0.5 * (len(shares) - 1)) * thick
-        look: Any = {"color": PALETTE[index], "label": f"{called[name]} gap"}
-        ax.barh(rows, values - low, left=low, height=0.9 * thick, **look)
+        look: Any = {"color": PALETTE[index]}
+        ax.barh(rows, values - low, left=low, height=0.9 * thick, label=f"{called[name]} gap", **look)
         for row, value in zip(rows, values, strict=True):
             if np.isfinite(value):
                 # Behind a floor that would run through its words.
@@ -71,8 +71,7 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> None:
             below = "" if floors[name] in known else ", below the axis"
             label = f"noise floor of the {called[name]}, {percent(floors[name] / 100)}{below}"
             # No further than the bars: the legend stands above them.
-            look = {"color": PALETTE[index], "ls": DASHES[1], "label": label}
-            ax.plot([floors[name]] * 2, [-0.5, len(gaps) - 0.5], **look)
+            ax.plot([floors[name]] * 2, [-0.5, len(gaps) - 0.5], ls=DASHES[1], label=label, **look)
     ax.set(
         xscale="log" if far else "linear", xlim=(low, (2.5 if far else 1.25) * max(known)), yticks=range(len(gaps)),
         yticklabels=["model alone", *labels], ylim=(len(gaps) - 0.5, -0.5), xlabel="relative RMS (%)",
