@@ -335,16 +335,14 @@ def words_of(motion: Motion) -> Words:
     q = quantities(motion)
     path, speed, acceleration = q.angle.lower(), q.rate.lower(), f"{q.angle_unit}/s^2"
     units = {
-        "moment": q.moment_unit,
-        "angle": q.angle_unit,
-        "rate": q.rate_unit,
-        "acceleration": acceleration,
-    }
+        "moment": q.moment_unit, "angle": q.angle_unit, "rate": q.rate_unit, "acceleration": acceleration,
+        MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit,
+    }  # fmt: skip
     names = {
         "moment": q.moment.lower(), "angle": path, "rate": speed,
         MEASURED_ANGLE: f"{path} sensor", MEASURED_RATE: f"{speed} sensor",
     }  # fmt: skip
-    return Words(units | {MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit}, names, motion)
+    return Words(units, names, motion)
 
 
 def words_of_data(measured: Campaign | RigTest) -> Words:

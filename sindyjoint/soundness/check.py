@@ -54,7 +54,7 @@ def find_faults(measured: Campaign | RigTest) -> tuple[Finding, ...]:
 def _find_in_samples(records: Sequence[Record], words: Words) -> list[Finding]:
     """Return what single samples show, of whichever record."""
     each = (values.find_lost, values.find_saturation, values.find_held, values.find_coarse_steps)
-    found = [f for record in records for find in each for f in find(record, words)]
+    found = (f for record in records for find in each for f in find(record, words))
     return [*found, *values.find_spikes(records, words)]
 
 
@@ -76,9 +76,8 @@ def _find_in_test(test: RigTest, words: Words) -> list[Finding]:
         ),
     ]
     odd = {f.run for f in found if f.severity != "note" and not f.masked and f.id != "no_signal"}
-    sound = [run for run in filled.runs if run.name not in odd]
-    sensors = find_in_sensors(test, list(recovered(test, sound)), words)
-    return [*sizes.find_unit_mismatches(raw, words), *found, *sensors]
+    sound = list(recovered(test, [run for run in filled.runs if run.name not in odd]))
+    return [*sizes.find_unit_mismatches(raw, words), *found, *find_in_sensors(test, sound, words)]
 
 
 def _find_in_campaign(campaign: Campaign, words: Words) -> list[Finding]:
@@ -132,7 +131,7 @@ def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -
     found += _find_in_broadband(campaign, records, words)
     odd_names = {f.run for f in found if f.id != "drift"}
     sound = [r.run for r in records if r.run is not None and r.name not in odd_names and len(r.alive) > 1]
-    return [*found, *(() if filtered else filters.find_channel_delay(campaign, sound, words))]
+    return found if filtered else [*found, *filters.find_channel_delay(campaign, sound, words)]
 
 
 def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Words) -> list[Finding]:
@@ -235,11 +234,10 @@ class Check(Shown, Generic[Data]):
         that was removed.
         """
         removed = self._removed(aligned)
-        shifting = {(kind, "biases") for kind in PHASE}
         return tuple(
             f
             for f in self.soundness.findings
-            if f.severity == "stops" or ((f.id, f.severity) in shifting and f not in removed)
+            if f.severity == "stops" or (f.severity == "biases" and f.id in PHASE and f not in removed)
         )
 
     def warned(self, aligned: bool) -> tuple[str, ...]:

@@ -71,11 +71,20 @@ def leave_out_standstill(
         if not any(np.ptp(run.moment) for run in campaign.runs):
             # A release from standstill then shows, and smoothing takes nothing of the first swing.
             remedy = "record free decays from rest, at larger angles, with 40 samples in a period or more"
-        said = {name: reason.split(": ", 1)[-1].split("; ")[0] for name, reason in reasons.items()}
-        found = (words.finding("no_signal", run, "angle", "stops", why, remedy) for run, why in said.items())
-        return campaign, (), tuple(found)
-    names, several = list_some(list(reasons)), len(reasons) > 1
-    left_out = f"{names} left out: the velocity hardly rises above its noise in {'them' if several else 'it'}"
+        return (
+            campaign,
+            (),
+            tuple(
+                words.finding(
+                    "no_signal", run, "angle", "stops", reason.split(": ", 1)[-1].split("; ")[0], remedy
+                )
+                for run, reason in reasons.items()
+            ),
+        )
+    left_out = (
+        f"{list_some(list(reasons))} left out: the velocity hardly rises above its noise in "
+        f"{'them' if len(reasons) > 1 else 'it'}"
+    )
     return campaign.with_runs(moving), (left_out,), ()
 
 

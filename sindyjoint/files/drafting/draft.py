@@ -176,8 +176,7 @@ def draft_manifest(
     offered, (untold, rates) = offer_inputs(bundles), untold_rates(assigned, dialogue)
     for bundle, columns in assigned:
         try:
-            rate = rates.get(bundle.name)
-            runs.append(_draft_run(bundle, columns, motion, dialogue, peers, offered, rate))
+            runs.append(_draft_run(bundle, columns, motion, dialogue, peers, offered, rates.get(bundle.name)))
         except InputError as error:
             left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     if not runs:
@@ -227,8 +226,7 @@ def _split(files: Sequence[Bundle], dialogue: Dialogue) -> list[Bundle]:
             text = (
                 f"are {names} in {file.name} runs of one joint (yes), or its columns those of one run (no)?"
             )
-            if dialogue.ask("runs", text, "yes") == "no":
-                runs = (file,)
+            runs = (file,) if dialogue.ask("runs", text, "yes") == "no" else runs
         found += runs
     return found
 

@@ -283,8 +283,9 @@ def input_lines(answer: str, bundle: Bundle) -> list[str]:
         if column is None and title not in scalars:
             known = [str(each.key) for each in bundle.columns] + scalars
             raise InputError(f"inputs = {title!r} is no column; {nearest(title, known, 'columns there:')}")
-        stated = column.unit if column is not None else (unit_in_name(title) or ("",))[0]
+        key, unit = (
+            (title, (unit_in_name(title) or ("",))[0]) if column is None else (column.key, column.unit)
+        )
         name = re.sub(r"\W+", "_", re.sub(r"[\[({].*", "", title)).strip("_")
-        key = title if column is None else column.key
-        lines += toml_pairs({name: {"column": key, "unit": WARM.get(stated, stated) or "1"}})
+        lines += toml_pairs({name: {"column": key, "unit": WARM.get(unit, unit) or "1"}})
     return ["", "[inputs]", *lines] if lines else []

@@ -187,8 +187,7 @@ def joints_table(result: Batch) -> TextTable:
             for term in result.common
         },
     }
-    declared = {"serial": "serial", "°C": "temperature"}
-    for name, key in declared.items():
+    for name, key in {"serial": "serial", "°C": "temperature"}.items():
         if not any(record.joint.get(key) for record in records):
             del columns[name]
     return tabulate("joints", "All joints", range(len(records)), columns, text=("joint",))

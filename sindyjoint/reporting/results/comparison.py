@@ -89,6 +89,9 @@ def coefficients_table(result: Comparison) -> TextTable:
 def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
     """Return a row for each coefficient: its value at each frequency, and whether that changes."""
 
+    def at_frequency(test: FrequencyTest, at: int) -> str:
+        return estimate(test.estimates[at], test.standard_errors[at])
+
     def answer(test: FrequencyTest) -> str:
         small = test.answer == "independent within margin" and test.p_value < DISCOVERY.level
         return test.answer + (f"; a change of {signed_percent(test.change)} is significant" if small else "")
@@ -99,10 +102,7 @@ def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
         tests,
         {
             "term": lambda test: spelled(test.name, motion),
-            **{
-                f"{f:.4g} Hz": lambda test, at=at: estimate(test.estimates[at], test.standard_errors[at])
-                for at, f in enumerate(tests[0].frequencies)
-            },
+            **{f"{f:.4g} Hz": partial(at_frequency, at=at) for at, f in enumerate(tests[0].frequencies)},
             "Q": lambda test: f"{test.q:.1f}",
             "I²": lambda test: f"{100 * test.i_squared:.0f} %",
             "τ / mean": lambda test: _percent(test.tau / abs(test.mean)),

@@ -45,9 +45,8 @@ def repeated_blocks(values: Array) -> list[Block]:
 
 def find_blocks(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield blocks that occur twice within a run, or in two runs; which channels they are of tells what happened."""
-    names = dict.fromkeys(name for r in records for name in r.channels)
     shared: dict[tuple[int, int], dict[str, list[Block]]] = {}
-    for name in names:
+    for name in dict.fromkeys(name for r in records for name in r.channels):
         some = [(i, c) for i, r in enumerate(records) if (c := r.channel(name)) is not None and _tells(c)]
         edges = np.cumsum([0, *(c.values.size for _, c in some)])
         for a, b, length in repeated_blocks(np.concatenate([c.values for _, c in some])) if some else ():

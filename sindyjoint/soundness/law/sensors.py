@@ -178,10 +178,13 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
     guesses = [first_guess(equations, channel, run, longest) for run in runs for channel in channels]
     ways = [way for guess in guesses for way in ((guess, True), (guess._replace(delay=0.0), False))]
     fits = [fit_fault(equations, fault, delayed) for fault, delayed in ways]
-    found = [(fit, fit.fault) for fit in fits if fit.fault is not None and abs(fit.fault.delay) <= longest]
     others = [(pair, run, swapped(equations, *pair, run)) for run in runs for pair in pairs]
     known = [
-        *(explained("fault", (f.channel,), f.run, fit, f.removed(equations)) for fit, f in found),
+        *(
+            explained("fault", (f.channel,), f.run, fit, f.removed(equations))
+            for fit in fits
+            if (f := fit.fault) is not None and abs(f.delay) <= longest
+        ),
         *(explained("swapped", pair, run, fit_fault(clean), clean) for pair, run, clean in others),
     ]
     best = min(known, key=lambda each: each.ratio)
@@ -194,8 +197,8 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
         return min(plain or simplest or [best], key=lambda each: each.ratio)
     if spare < 2:
         return None
-    without = [left_out(equations, channel) for channel in channels[1:]]
-    lacking = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in enumerate(without, 1)]
+    without = {channel: left_out(equations, channel) for channel in channels[1:]}
+    lacking = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in without.items()]
     first, second = sorted(lacking, key=lambda each: each.ratio)[:2]
     # A channel less leaves less, whichever it is: what a second one explains as well is the structure.
     alone = first.ratio <= SOUNDNESS.explains / 2 and second.ratio >= SOUNDNESS.explains
