@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -41,17 +42,24 @@ def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> None
         look, x, y = cycled(place), curve.amplitude, getattr(curve, measure)
         low, high = curve.interval95(measure)
         curves.append((x, (np.maximum(low, 1e-3 * y), high), {"color": look["color"], **BAND}))
-        dotted = {"color": look["color"], "ls": (0, (1, 2)), "lw": 0.9}
         curves += _parts(
-            x, y, (curve.tested, look | {"label": f"{curve.frequency:.3g} Hz"}), (~curve.tested, dotted)
+            x,
+            y,
+            (curve.tested, look | {"label": f"{curve.frequency:.3g} Hz"}),
+            (~curve.tested, {"color": look["color"], "ls": (0, (1, 2)), "lw": 0.9}),
         )
-    up_to = {"color": INK, "lw": 0.7, "ls": (0, (4, 2)), "label": "tested up to"}
+    first, beside = data.curves[0], measure == "secant"
     storage = {"color": MUTED, "lw": 0.8, "ls": DASHES[2], "label": "storage stiffness"}
-    beside = measure == "secant"
-    curves.append((data.tested_angle or None, None, up_to))
-    curves += [(data.curves[0].amplitude, data.curves[0].storage, storage)] * beside
+    curves += [
+        (
+            data.tested_angle or None,
+            None,
+            {"color": INK, "lw": 0.7, "ls": (0, (4, 2)), "label": "tested up to"},
+        ),
+        *[(first.amplitude, first.storage, storage)] * beside,
+    ]
     across = scaled(
-        f"{quantities(data.motion).angle} amplitude", data.tested_angle or data.curves[0].amplitude[-1], angle
+        f"{quantities(data.motion).angle} amplitude", data.tested_angle or first.amplitude[-1], angle
     )
     up = scaled(name, [float(np.max(getattr(curve, measure))) for curve in data.curves], unit)
     plot(ax, across, up, curves, columns=2, xscale="log", yscale="linear" if beside else "log")
@@ -78,16 +86,18 @@ def over_frequency(data: StructureCurves, ax: Axes, receptance: bool) -> None:
             (~stable, look | {"ls": (0, (4, 2)), "lw": 0.9}),
             (stable & ~tested, look | UNTESTED | {"lw": 1.0}),
         )
-    ends = (data.locked[0], 2, "joints locked"), (data.sliding[0], 4, "joints sliding freely")
     if receptance:
-        marks = ((at, {"ls": DASHES[dash], "label": label}) for at, dash, label in ends)
-        curves += [(at, None, {"color": MUTED, "lw": 0.7} | look) for at, look in marks]
+        ends = (data.locked[0], 2, "joints locked"), (data.sliding[0], 4, "joints sliding freely")
+        curves += [
+            (at, None, {"color": MUTED, "lw": 0.7, "ls": DASHES[dash], "label": label})
+            for at, dash, label in ends
+        ]
     else:
         seen = np.concatenate([level.amplitude for level in data.levels])
         near = {m: (m.amplitude >= 0.5 * seen.min()) & (m.amplitude <= 2 * seen.max()) for m in data.modes}
-        backbone = {"color": INK, "lw": 1.1, "ls": DASHES[1]}
+        look = {"color": INK, "lw": 1.1, "ls": DASHES[1]}
         curves += [
-            (m.frequency[at], m.amplitude[at], backbone | {"label": f"backbone, mode {m.number}"})
+            (m.frequency[at], m.amplitude[at], look | {"label": f"backbone, mode {m.number}"})
             for m, at in near.items()
             if m.point == data.point and at.any()
         ]
@@ -100,14 +110,15 @@ def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, dampin
     values, errors = percent if damping else (mode.frequency, mode.frequency_error)
     look: Any = {"color": PALETTE[0]}
     half = 1.96 * errors
-    curves: list[Curve] = [(mode.amplitude, (values - half, values + half), look | BAND)] * bool(
-        np.any(errors)
-    )
-    curves += _parts(mode.amplitude, values, (mode.tested, look), (~mode.tested, look | UNTESTED))
-    for place, (name, slip) in enumerate(zip(data.joints, mode.slips, strict=True)):
-        if np.isfinite(slip) and 0 < slip <= mode.amplitude[-1]:
-            mark = {"color": MUTED, "lw": 0.8, "label": f"{shortened(name, 12)} slips"}
-            curves.append((slip, None, mark | {"ls": DASHES[1 + place % (len(DASHES) - 1)]}))
+    curves: list[Curve] = [
+        *[(mode.amplitude, (values - half, values + half), look | BAND)] * bool(np.any(errors)),
+        *_parts(mode.amplitude, values, (mode.tested, look), (~mode.tested, look | UNTESTED)),
+        *(
+            (slip, None, {"color": MUTED, "lw": 0.8, "ls": dashes, "label": f"{shortened(name, 12)} slips"})
+            for name, slip, dashes in zip(data.joints, mode.slips, cycle(DASHES[1:]), strict=False)
+            if np.isfinite(slip) and 0 < slip <= mode.amplitude[-1]
+        ),
+    ]
     what = f"Damping ratio of mode {mode.number} (%)" if damping else f"Frequency of mode {mode.number} (Hz)"
     across = scaled(f"Deflection at {shortened(mode.point, 14)}", mode.amplitude[-1], "m")
     plot(ax, across, what, curves, legend="best", xscale="log", ylim=(0, None) if damping else None)

@@ -152,8 +152,8 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
     curves = [
         (before, before.measured, MEASURED | {"lw": 2.4, "alpha": 0.45}),
         (before, before.model, BEFORE | {"label": "model alone"}),
+        *([] if after is None else [(after, after.model, AFTER | {"label": "with the effects"})]),
     ]
-    curves += [] if after is None else [(after, after.model, AFTER | {"label": "with the effects"})]
     _drawn(result, ax, moment_scale(result.model.joint.motion, before.measured, name), curves)
 
 
@@ -269,11 +269,13 @@ def overlay(record: RecordGap, ax: Axes) -> None:
     """Draw the measured displacement and, over it, the residuals before and after."""
     thin = {"lw": 0.7, "rasterized": record.time.size > 4000}
     residuals = (record.before, PALETTE[1], "of the model alone"), (record.after, INK, "with the effects")
-    curves: list[tuple[Array, Any]] = [(record.measured, MEASURED | thin | {"lw": 0.5, "alpha": 0.35})]
-    curves += [
-        (simulated - record.measured, thin | {"color": color, "label": f"residual {of}"})
-        for simulated, color, of in residuals
-        if simulated is not None
+    curves: list[tuple[Array, Any]] = [
+        (record.measured, MEASURED | thin | {"lw": 0.5, "alpha": 0.35}),
+        *(
+            (simulated - record.measured, thin | {"color": color, "label": f"residual {of}"})
+            for simulated, color, of in residuals
+            if simulated is not None
+        ),
     ]
     _over_time(record, ax, curves, slice(None))
     if record.held_from:
@@ -299,8 +301,9 @@ def envelope(record: RecordGap, ax: Axes) -> None:
     """Draw the envelopes by Hilbert's transform, on a logarithmic scale, with the noise."""
     rate = 1 / (record.time[1] - record.time[0])
     cut = int(rate / main_frequency(record.measured, rate))
-    moving = [(signal, look) for signal, look in _curves_of(record) if np.ptp(signal) > 0]
-    heights = [(hilbert_envelope(signal, rate)[0], look) for signal, look in moving]
+    heights = [
+        (hilbert_envelope(signal, rate)[0], look) for signal, look in _curves_of(record) if np.ptp(signal) > 0
+    ]
     noise = (None, record.noise, {"color": MUTED, "lw": 0.7, "ls": (0, (4, 2)), "label": "noise (RMS)"})
     _over_time(record, ax, heights, slice(cut, -cut), "Envelope", levels=[noise], yscale="log")
 

@@ -155,12 +155,16 @@ def cut_at_zero_rate(data: ReportData, ax: Axes) -> None:
         marks = {"color": color, "ls": "none", "marker": marker, "ms": 3, "label": label}
         curves.append((angle, surface.moment[cells], marks))
         if data.model.terms:
-            curves.append((angle, data.model.moment(angle, surface.rate[cells]), dots | {"ms": 2.5}))
-            curves.append((_nodes(data), sheet, {"color": color, "ls": dashes}))
+            curves += [
+                (angle, data.model.moment(angle, surface.rate[cells]), dots | {"ms": 2.5}),
+                (_nodes(data), sheet, {"color": color, "ls": dashes}),
+            ]
     if data.model.terms:
         _mark_step(data, ax, x, z)
-        curves.append(([], [], dots | {"ms": 4, "label": "model in those cells"}))
-        curves.append(([], [], {"color": MUTED, "label": f"model at {q.rate_symbol} = 0±"}))
+        curves += [
+            ([], [], dots | {"ms": 4, "label": "model in those cells"}),
+            ([], [], {"color": MUTED, "label": f"model at {q.rate_symbol} = 0±"}),
+        ]
     plot(ax, x, z, curves, f"Cut at {q.rate_symbol} = 0")
 
 
@@ -178,8 +182,9 @@ def _mark_step(data: ReportData, ax: Axes, x: Scale, z: Scale) -> None:
     if abs(above - below) < 0.02 * float(np.nanmax(np.abs(data.surface.moment))) * z.factor:
         return
     middle = 0.5 * float(data.surface.angle_edges[0] + data.surface.angle_edges[-1]) * x.factor
-    look = {"arrowstyle": "<->", "color": INK, "linewidth": 0.8}
-    ax.annotate("", (middle, above), (middle, below), arrowprops=look)
+    ax.annotate(
+        "", (middle, above), (middle, below), arrowprops={"arrowstyle": "<->", "color": INK, "linewidth": 0.8}
+    )
     # In the corner, where neither of the two rising curves passes.
     ax.text(0.98, 0.03, f"step {above - below:.3g} {z.unit}", fontsize=7, ha="right", transform=ax.transAxes)
 

@@ -70,10 +70,9 @@ def path(data: ReportData, ax: Axes) -> None:
     fitted, held_out = (
         np.array([getattr(step, n) for step in data.path]) for n in ("residual_rms", "held_out_rms")
     )
-    fit = {"color": PALETTE[0], "marker": "o", "ms": 3, "label": "residual of the fit"}
     left_out = {"color": PALETTE[1], "marker": "s", "ms": 3, "ls": "--", "label": "held-out error"}
     curves: list[Curve] = [
-        (size, fitted, fit),
+        (size, fitted, {"color": PALETTE[0], "marker": "o", "ms": 3, "label": "residual of the fit"}),
         *[(size, held_out, left_out)] * bool(np.isfinite(held_out).any()),
         (None, data.model.fitted.noise_floor or None, NOISE_FLOOR),
         (None if data.chosen is None else size[data.chosen], None, {"color": INK, "lw": 0.8, "ls": ":"}),
@@ -227,8 +226,9 @@ def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> None:
     plot(ax, x, y, curves, legend="none")
     ax.set_title(plain(f"the law over {over.label}\none cycle to the largest {x.name.lower()}"))
     ax.set_ylim(top=1.5 * y.factor * float(np.max(moments)))
-    look: Any = {"frameon": False, "columnspacing": 0.8, "handlelength": 1.4, "handletextpad": 0.4}
-    ax.legend(loc="upper center", ncols=len(moments), **look)
+    ax.legend(
+        loc="upper center", ncols=len(moments), frameon=False, columnspacing=0.8, handlelength=1.4, handletextpad=0.4
+    )  # fmt: skip
 
 
 def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: CoefficientOver) -> None:
@@ -239,12 +239,17 @@ def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: Coefficie
         [(law[row.id].coefficient, law[row.id].standard_error) if row.id in law else (0, 0) for law in laws]
     ).T
     factor, unit = scale_of(float(np.abs(values).max()), row.unit)
-    band = tuple(values + side * errors for side in (-1.96, 1.96))
-    bars = {"yerr": 1.96 * np.array(row.level_errors), "fmt": "o", "ms": 3.5, "capsize": 2.5}
+    bars = {
+        "yerr": 1.96 * np.array(row.level_errors), "fmt": "o", "ms": 3.5, "capsize": 2.5, "color": PALETTE[1]
+    }  # fmt: skip
     curves: list[Curve] = [
-        (shown, band, {"color": PALETTE[0], "alpha": 0.25, "lw": 0}),
+        (
+            shown,
+            (values - 1.96 * errors, values + 1.96 * errors),
+            {"color": PALETTE[0], "alpha": 0.25, "lw": 0},
+        ),
         (shown, values, {"color": PALETTE[0]}),
-        *[(row.levels, np.array(row.estimates), bars | {"color": PALETTE[1]})] * bool(row.levels),
+        *[(row.levels, np.array(row.estimates), bars)] * bool(row.levels),
     ]
     axes = Scale(plain(over.label), pretty_unit(over.unit)), Scale(math_symbol(row.symbol), unit, factor)
     plot(ax, *axes, curves, xmargin=0.06, ymargin=0.15)

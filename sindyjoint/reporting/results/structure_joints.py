@@ -65,9 +65,14 @@ def worth(data: StructureFigures, ax: Axes) -> None:
 
 
 def _loop(loop: RecoveredLoop, ax: Axes) -> None:
-    recovered = {"color": PALETTE[0], "label": "recovered"}
-    found = {"color": ACCENT, "ls": "none", "marker": ".", "ms": 2, "label": "found law, moving"}
-    curves: list[Curve] = [(1e3 * loop.angle, loop.moment, recovered), (1e3 * loop.angle, loop.law, found)]
+    curves: list[Curve] = [
+        (1e3 * loop.angle, loop.moment, {"color": PALETTE[0], "label": "recovered"}),
+        (
+            1e3 * loop.angle,
+            loop.law,
+            {"color": ACCENT, "ls": "none", "marker": ".", "ms": 2, "label": "found law, moving"},
+        ),
+    ]
     plot(
         ax, "Angle (mrad)", "Moment (N·m)", curves[: 1 + bool(np.isfinite(loop.law).any())],
         f"{loop.joint}, {loop.run}", legend="upper left",

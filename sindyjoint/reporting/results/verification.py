@@ -84,13 +84,13 @@ def response(run: RunVerification, ax: Axes, zoom: bool = False) -> None:
     """Draw measured and simulated response over time; zoomed, only the first cycles."""
     kept = slice(_first_cycles(run) if zoom else None)
     time = run.time[kept]
-    band = {"color": PALETTE[1], "alpha": 0.35, "lw": 0, "rasterized": time.size > 4000}
     curves: list[Curve] = [(time, run.measured[kept], MEASURED | {"lw": 1.6})]
     if run.simulated is not None:
         curves.append((time, run.simulated[kept], SIMULATED | {"lw": 0.8, "ls": (0, (4, 1.5))}))
     if run.band is not None:
+        look = {"color": PALETTE[1], "alpha": 0.35, "lw": 0, "label": "95 % of the model"}
         ends = run.band.low[kept], run.band.high[kept]
-        curves.append((time, ends, band | {"label": "95 % of the model"}))
+        curves.append((time, ends, look | {"rasterized": time.size > 4000}))
     title, legend = ("", "above") if zoom else (run.name, "none")
     plot(ax, _time(run), _scale(run), curves, title, legend=legend, columns=2)
 
@@ -170,9 +170,8 @@ def error(run: RunVerification, ax: Axes) -> None:
     """Draw the residual, simulation less measurement."""
     assert run.simulated is not None
     residual = run.simulated - run.measured
-    look = {"color": MUTED, "lw": 0.4, "rasterized": residual.size > 4000}
-    up = scaled("Simulated − measured", residual, UNITS[run.channel])
-    plot(ax, _time(run), up, [(run.time, residual, look)])
+    curve = run.time, residual, {"color": MUTED, "lw": 0.4, "rasterized": residual.size > 4000}
+    plot(ax, _time(run), scaled("Simulated − measured", residual, UNITS[run.channel]), [curve])
 
 
 def energy(run: RunVerification, ax: Axes) -> None:
