@@ -279,7 +279,7 @@ def _trust(result: Batch) -> Trust:
         if name in where
     ]
     again = ("test the next joint, and run this command again", "see whether it is like these")
-    return Trust(lights, ((*broken[:1], *odd[:1]) or (again,)))
+    return Trust(lights, (*broken[:1], *odd[:1]) or (again,))
 
 
 def _link(record: CampaignRecord, folder: Path | None) -> str:
@@ -303,9 +303,7 @@ def _page(result: Batch, data: Batch, show: Blocks) -> Page:
         "Coefficients of the common terms with one standard error; residual and noise floor as shares of the RMS "
         f"load.{marked}"
     )
-    joints = show.table(
-        replace(joints_table(result), title=title), [_link(r, show.folder) for r in result.records]
-    )
+    links = [_link(record, show.folder) for record in result.records]
     return Page(
         headline(result),
         "Batch of campaigns",
@@ -320,7 +318,13 @@ def _page(result: Batch, data: Batch, show: Blocks) -> Page:
                 "Differences",
                 show.items(differ or [sentence(_trust(result).lights[-1].sentence)]),
             ),
-            section("joints", "All joints", "Joints", show.pictures("joints"), joints),
+            section(
+                "joints",
+                "All joints",
+                "Joints",
+                show.pictures("joints"),
+                show.table(replace(joints_table(result), title=title), links),
+            ),
             section("scatter", "How the joints scatter", "Scatter", show.tables(scatter_table(result))),
             section("trends", "Trends", "Trends", show.pictures("trends"), show.tables(trends_table(result))),
         ),

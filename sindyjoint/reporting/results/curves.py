@@ -179,25 +179,29 @@ def _trust(tested: bool, bands: bool, farthest: str, *, model: bool = True) -> T
 
     ``farthest`` is the largest amplitude that is drawn; ``model`` says whether one was given.
     """
-    lights = (
-        doubt(
-            "range",
-            "dotted parts lie beyond the amplitudes that were tested" * (not tested),
-            "within the amplitudes that were tested",
+    return Trust(
+        (
+            doubt(
+                "range",
+                "dotted parts lie beyond the amplitudes that were tested" * (not tested),
+                "within the amplitudes that were tested",
+            ),
+            doubt(
+                "intervals",
+                "the model holds no standard errors: the curves have no bands" * (not bands),
+                "the 95 % bands follow from the standard errors of the coefficients",
+            ),
         ),
-        doubt(
-            "intervals",
-            "the model holds no standard errors: the curves have no bands" * (not bands),
-            "the 95 % bands follow from the standard errors of the coefficients",
+        (
+            *[(f"record runs of up to {farthest}", "have what is dotted tested as well")] * (not tested),
+            ("sindyjoint export MODEL --to python --out joint", EXPORT[1])
+            if model
+            else (
+                "sindyjoint discover --out results",
+                "find the law of a joint, here of a virtual test, and draw these curves with it: --model results",
+            ),
         ),
     )
-    record = (f"record runs of up to {farthest}", "have what is dotted tested as well")
-    at_hand = ("sindyjoint export MODEL --to python --out joint", EXPORT[1])
-    own = (
-        "sindyjoint discover --out results",
-        "find the law of a joint, here of a virtual test, and draw these curves with it: --model results",
-    )
-    return Trust(lights, (*[record] * (not tested), at_hand if model else own))
 
 
 def _joint_tables(result: JointCurves) -> tuple[TextTable, ...]:
@@ -277,8 +281,9 @@ def _structure_tables(result: StructureCurves) -> tuple[TextTable, ...]:
     )
 
 
-def _page(result: Any, show: Blocks, about: Sequence[str], reason: str, *parts: Section) -> Page:
-    title, kicker, said = about
+def _page(
+    result: Any, show: Blocks, title: str, kicker: str, said: str, reason: str, *parts: Section
+) -> Page:
     found = show.verdict(capital(said)), show.paragraph(reason, "reason")
     return Page(
         f"{result.name}: {title}", kicker, result.name, "", found, (show.warnings(result.warnings),), parts
@@ -288,26 +293,28 @@ def _page(result: Any, show: Blocks, about: Sequence[str], reason: str, *parts: 
 def _joint_page(result: JointCurves, data: JointCurves, show: Blocks) -> Page:
     """Return how far stiffness and loss change, and all of it."""
     blocks = show.pictures("stiffness", "loss", "energy"), show.tables(*_joint_tables(result))
-    part = section("curves", "Stiffness and loss", "Stiffness and loss", *blocks)
-    about = "stiffness and loss over amplitude", "A joint over its amplitude", joint_headline(result)
-    return _page(result, show, about, f"Of the model {result.equation}.", part)
+    return _page(
+        result,
+        show,
+        "stiffness and loss over amplitude",
+        "A joint over its amplitude",
+        joint_headline(result),
+        f"Of the model {result.equation}.",
+        section("curves", "Stiffness and loss", "Stiffness and loss", *blocks),
+    )
 
 
 def _structure_page(result: StructureCurves, data: StructureCurves, show: Blocks) -> Page:
     """Return how far the first mode changes, responses and modes."""
     levels, modes = map(show.tables, _structure_tables(result))
-    how = f"The force acts at {result.at}; up to {result.harmonics} harmonics; sticking is exact."
-    about = (
-        "response and modes over amplitude",
-        "A structure over frequency and amplitude",
-        structure_headline(result),
-    )
     pictures = show.pictures("response", "receptance"), show.pictures("backbone", "damping")
     return _page(
         result,
         show,
-        about,
-        how,
+        "response and modes over amplitude",
+        "A structure over frequency and amplitude",
+        structure_headline(result),
+        f"The force acts at {result.at}; up to {result.harmonics} harmonics; sticking is exact.",
         section("levels", "Frequency response", "Frequency response", pictures[0], levels),
         section("modes", "Modes over amplitude", "Modes over amplitude", pictures[1], modes),
     )

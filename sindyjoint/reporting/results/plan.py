@@ -254,25 +254,33 @@ def _trust(result: Plan) -> Trust:
     """Return what a plan rests on, what its runs will not tell, and what to do with it."""
     apart = result.apart
     unsure = apart is not None and (apart.after or (apart.before,))[-1] < apart.enough
-    lights = (
-        doubt(
-            "joint",
-            "known from before: what is expected holds for joints in that range" * (result.now is None),
-            "as the runs of the campaign show it",
+    return Trust(
+        (
+            doubt(
+                "joint",
+                "known from before: what is expected holds for joints in that range" * (result.now is None),
+                "as the runs of the campaign show it",
+            ),
+            doubt(
+                "determined",
+                undetermined_words(result),
+                "every coefficient is expected to stand clear of zero",
+            ),
+            *[Light("apart", "fair", "the effects stay less sure than was asked for")] * unsure,
+            *[Light("limits", "fair", "; ".join(result.warnings))] * bool(result.warnings),
         ),
-        doubt(
-            "determined", undetermined_words(result), "every coefficient is expected to stand clear of zero"
+        (
+            (
+                "sindyjoint simulate --plan RESULTS --out virtual",
+                "try these runs on a simulated joint before the bench",
+            ),
+            ("make the runs in their order", "have a campaign to discover the joint’s law from"),
+        )
+        if result.runs
+        else (
+            ("sindyjoint discover CAMPAIGN --out results", "find the law that the runs determine already"),
         ),
-        *[Light("apart", "fair", "the effects stay less sure than was asked for")] * unsure,
-        *[Light("limits", "fair", "; ".join(result.warnings))] * bool(result.warnings),
     )
-    try_it = (
-        "sindyjoint simulate --plan RESULTS --out virtual",
-        "try these runs on a simulated joint before the bench",
-    )
-    none = ("sindyjoint discover CAMPAIGN --out results", "find the law that the runs determine already")
-    make = ("make the runs in their order", "have a campaign to discover the joint’s law from")
-    return Trust(lights, (try_it, make) if result.runs else (none,))
 
 
 def _page(result: Plan, data: Plan, show: Blocks) -> Page:

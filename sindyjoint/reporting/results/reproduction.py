@@ -242,30 +242,32 @@ def _trust(result: Reproduction) -> Trust:
     """Return whether the paper's numbers come back, and what to do next."""
     far, furthest = max((float(joint.largest_error.max()), joint.table.joint) for joint in result.joints)
     error, printed = result.pulse.plain.amplitude_rms_error, PULSE.amplitude_rms_error
-    lights = (
-        Light(
-            "tables",
-            "good" if far < 1 else "poor",
-            f"the furthest parameter is {far:.2f} of the paper's standard deviations from its truth, that of the "
-            f"{furthest}",
-        ),
-        Light(
-            "pulse",
-            "good" if error is not None and error <= printed else "fair",
-            f"the model leaves {percent(error)} of the amplitude, the paper prints {percent(printed)}",
-        ),
-    )
     own = "put files of your own runs into a folder, and run there: sindyjoint init ."
-    return Trust(lights, ((own, "begin with your own joint"),))
+    return Trust(
+        (
+            Light(
+                "tables",
+                "good" if far < 1 else "poor",
+                f"the furthest parameter is {far:.2f} of the paper's standard deviations from its truth, that of the "
+                f"{furthest}",
+            ),
+            Light(
+                "pulse",
+                "good" if error is not None and error <= printed else "fair",
+                f"the model leaves {percent(error)} of the amplitude, the paper prints {percent(printed)}",
+            ),
+        ),
+        ((own, "begin with your own joint"),),
+    )
 
 
 def _page(result: Reproduction, data: ReproductionFigures, show: Blocks) -> Page:
     """Return how near the paper it comes, its tables and figures, what they show and what not."""
     furthest = max(float(joint.largest_error.max()) for joint in result.joints)
     plain, richer = result.pulse.plain, result.pulse.richer
-    every = "Every parameter comes" if furthest < 1 else "Not every parameter comes"
-    badge, word = ("confirmed", "within") if furthest < 1 else ("refuted", "outside")
-    period = milliseconds(PULSE.mean_period_difference)
+    every, badge, word = (
+        ("Every", "confirmed", "within") if furthest < 1 else ("Not every", "refuted", "outside")
+    )
     both = f"{percent(richer.amplitude_rms_error)}, {milliseconds(richer.mean_period_difference)}"
     facts = [
         ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),
@@ -274,7 +276,11 @@ def _page(result: Reproduction, data: ReproductionFigures, show: Blocks) -> Page
             percent(plain.amplitude_rms_error),
             f"the paper prints {percent(PULSE.amplitude_rms_error)}",
         ),
-        ("Period", milliseconds(plain.mean_period_difference), f"the paper prints {period}"),
+        (
+            "Period",
+            milliseconds(plain.mean_period_difference),
+            f"the paper prints {milliseconds(PULSE.mean_period_difference)}",
+        ),
         ("With friction that gives way", both, "amplitude, period: what the model lacks shows"),
     ]
     *joints, printed = _tables(result)
@@ -290,7 +296,9 @@ def _page(result: Reproduction, data: ReproductionFigures, show: Blocks) -> Page
         name,
         "",
         (
-            show.verdict(f"{every} back within the paper's standard deviations.", badge, word),
+            show.verdict(
+                f"{every} parameter comes back within the paper's standard deviations.", badge, word
+            ),
             show.paragraph(said, "reason"),
             show.facts(facts),
         ),

@@ -167,7 +167,6 @@ def _page(result: RigDiscovery, data: StructureFigures, show: Blocks) -> Page:
         "The joints are cut open; their moments are unknown inputs of the linear rest, and follow from the sensors "
         "at each harmonic by least squares weighted with their noise. "
     )
-    recovered = show.paragraph(how + _misfit(result)), joints, show.pictures("worth"), numbers
     return Page(
         f"{data.rig}: the law of its joints",
         "Joints inside a structure",
@@ -177,7 +176,15 @@ def _page(result: RigDiscovery, data: StructureFigures, show: Blocks) -> Page:
         (show.warnings(_warnings(result)),),
         (
             section("laws", "Laws", "Laws", terms, show.pictures("recovered")),
-            section("recovery", "Recovery", "Recovery", *recovered),
+            section(
+                "recovery",
+                "Recovery",
+                "Recovery",
+                show.paragraph(how + _misfit(result)),
+                joints,
+                show.pictures("worth"),
+                numbers,
+            ),
         ),
     )
 

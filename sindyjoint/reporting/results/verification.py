@@ -314,7 +314,6 @@ def _page(
         if value is not None
     ]
     runs, *others = tables(result)
-    failures = [f"{run.name}: {run.failure}." for run in result.runs if run.failure]
     seen = "virtual test" if virtual else "measured"
     return Page(
         f"{result.model.joint.name} against {result.subject}",
@@ -329,7 +328,13 @@ def _page(
         ),
         (show.facts(facts), show.warnings(_warnings(result))),
         (
-            section("runs", "Runs", "Runs", show.table(runs), show.items(failures)),
+            section(
+                "runs",
+                "Runs",
+                "Runs",
+                show.table(runs),
+                show.items([f"{run.name}: {run.failure}." for run in result.runs if run.failure]),
+            ),
             section(
                 "response",
                 f"Simulated over {'the virtual test' if virtual else 'measured'}",
