@@ -67,8 +67,8 @@ def draw_curve(data: Plan, ax: Axes) -> None:
         steps = [(s.seconds, 100 * getattr(s, name)) for s in data.curve if np.isfinite(getattr(s, name))]
         curves += [(*np.transpose(steps), {**look, "ms": 3.5})] * bool(steps)
     if data.now is not None and np.isfinite(data.now.widest):
-        look = {"color": INK, "marker": "D", "ms": 4, "ls": "none", "label": "now", "clip_on": False}
-        curves.append(([0], [100 * data.now.widest], look))
+        dot = {"color": INK, "marker": "D", "ms": 4, "ls": "none", "label": "now", "clip_on": False}
+        curves.append(([0], [100 * data.now.widest], dot))
     until = None if data.until is None else 100 * data.until
     curves.append((None, until, {"color": PALETTE[1], "ls": "--", "lw": 0.9, "label": "enough"}))
     label = f"{GOALS[data.goal].capitalize()} (%)"
