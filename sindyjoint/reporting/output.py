@@ -76,12 +76,8 @@ def html_of(result: Any) -> str:
     if not tables:
         return f"{head}<pre>{escape(text_of(result))}</pre>"
     names, more = ", ".join(figures_of(result)), len(tables[0].rows) - ROWS
-    parts = (
-        str(Blocks({}, {}).table(replace(tables[0], rows=tables[0].rows[:ROWS]))),
-        f"<p>and {more} more rows</p>" * (more > 0),
-        f"<p>.plot(kind): {escape(names)}</p>" * bool(names),
-    )
-    return head + "".join(parts)
+    head += str(Blocks({}, {}).table(replace(tables[0], rows=tables[0].rows[:ROWS])))
+    return f"{head}{f'<p>and {more} more rows</p>' * (more > 0)}{f'<p>.plot(kind): {escape(names)}</p>' * bool(names)}"
 
 
 def latex_of(result: Any) -> str | None:

@@ -206,7 +206,7 @@ def list_saved(path: str | os.PathLike[str]) -> dict[str, Path]:
     """
     folder = Path(path) if Path(path).is_dir() else Path(path).parent
     own = kind_of_results(folder)
-    places = {own: folder, **{name: folder / name for name in FOLDERS if name != own}}
+    places = {own: folder} | {name: folder / name for name in FOLDERS if name != own}
     return {name: place for name, place in places.items() if (place / DATA_FILE).is_file()}
 
 

@@ -143,8 +143,8 @@ def _draft_rate(bundle: Bundle, channels: dict[str, str], dialogue: Dialogue) ->
     where, rate = found[0] if found else ("", None)
     if rate is None or any(abs(other / rate - 1) > SHARED.tolerated for _, other in found):
         text = f"how fast was {bundle.name} sampled, such as '1 kHz', or 'none' of quasi-static samples?"
-        listed = ", ".join(f"{other:g} Hz is {said}" for said, other in found)
-        dialogue.ask("rate", f"{text} {listed}".strip(), None)
+        listed = (f"{other:g} Hz is {said}" for said, other in found)
+        dialogue.ask("rate", f"{text} {', '.join(listed)}".strip(), None)
         return None
     channels["rate"] = toml_value(f"{rate:.9g} Hz") + f"  # {where}"
     return rate

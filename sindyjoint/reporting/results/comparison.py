@@ -147,11 +147,13 @@ def choices_table(result: Comparison) -> TextTable:
     load, given = quantities(result.motion).moment.lower(), result.given
     further: list[tuple[str, ...]] = []
     if given is not None:
-        held = DASH if given.seen else _percent(given.residual)
-        left = _percent(given.response), _percent(given.residual)
+        left = _percent(given.residual)
         further.append(
-            ("given model", "", str(len(given.terms)), held, *left, _listed(given.elements, result.motion))
-        )
+            (
+                "given model", "", str(len(given.terms)), DASH if given.seen else left, _percent(given.response), left,
+                _listed(given.elements, result.motion),
+            )
+        )  # fmt: skip
     floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
     further.append(("noise floor", *[""] * 4, floor, ""))
     choices = [(by, choice) for by, choices in result.groups.items() for choice in _best_first(choices)]
@@ -278,13 +280,11 @@ def _tables(result: Comparison) -> tuple[TextTable, ...]:
 def _page(result: Comparison, data: Comparison, show: Blocks) -> Page:
     """Return how far all agree, which terms are chosen by what, and every table."""
     model = None if result.discovery is None else result.discovery.model
-    load = quantities(result.motion).moment.lower()
     about = (
-        f"Sorted by the error of the {load} that was left out, with its standard error. Model by "
-        f"{result.methods[0].name}: {result.model.reason}."
+        f"Sorted by the error of the {quantities(result.motion).moment.lower()} that was left out, with its standard "
+        f"error. Model by {result.methods[0].name}: {result.model.reason}."
     )
     answers = [f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests]
-    above = {"choices": show.paragraph(about, "reason")}
     below = {
         "choices": (show.pictures("inclusion"),),
         "frequency-dependence": (show.items(answers), show.pictures("dependence")),
@@ -294,7 +294,7 @@ def _page(result: Comparison, data: Comparison, show: Blocks) -> Page:
             table.name,
             table.title,
             table.name.replace("-", " ").capitalize(),
-            above.get(table.name, ""),
+            show.paragraph(about, "reason") if table.name == "choices" else "",
             show.table(table),
             *below.get(table.name, ()),
         )

@@ -111,9 +111,11 @@ def where(result: Diagnosis, ax: Axes) -> None:
 
 def maps(result: Diagnosis) -> list[Panel]:
     """Return the maps of the residual before and, where effects were added, after."""
-    before = partial(_map, runs=result.before, title="Residual of the model alone", scale=not result.after)
-    after = partial(_map, runs=result.after, title="Residual with the effects, same colours", scale=True)
-    return [*[before] * bool(result.before), *[after] * bool(result.after)]
+    both = (
+        (result.before, "Residual of the model alone"),
+        (result.after, "Residual with the effects, same colours"),
+    )
+    return [partial(_map, runs=runs, title=title) for runs, title in both if runs]
 
 
 def overlays(result: Diagnosis) -> list[Panel]:
@@ -125,9 +127,9 @@ def overlays(result: Diagnosis) -> list[Panel]:
     ]
 
 
-def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> None:
-    """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before."""
-    label = "mean of measured less model ({})" if scale else ""
+def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str) -> None:
+    """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before, the last has their scale."""
+    label = "mean of measured less model ({})" if runs is (result.after or result.before) else ""
     moment_cells(ax, _mean_residual(runs), result.model, title, label, _mean_residual(result.before))
 
 

@@ -105,7 +105,6 @@ def _page(result: Discovery | ReportData, data: ReportData, show: Blocks) -> Pag
     )
     texts = show.copyable(model.equation()), show.copyable(model.latex())
     terms, *over = _tables(data)
-    listed = (show.table(terms), show.folded("The equation as text and LaTeX", texts))
     reasons = [
         f"{row.symbol}: {row.answer} ({row.reason})"
         for each in data.over
@@ -126,7 +125,8 @@ def _page(result: Discovery | ReportData, data: ReportData, show: Blocks) -> Pag
                 "terms",
                 "Terms",
                 "Terms",
-                *(listed if found else (show.paragraph(f"None: {data.selection_reason}."),)),
+                show.table(terms) if found else show.paragraph(f"None: {data.selection_reason}."),
+                show.folded("The equation as text and LaTeX", texts) if found else "",
                 show.warnings(data.warnings),
             ),
             section(
