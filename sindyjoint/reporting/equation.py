@@ -57,13 +57,11 @@ def term_rows(model: JointModel) -> list[TermRow]:
     ]  # fmt: skip
     for element in model.elements:
         name = in_words_of(motion, element.name)
-        rows += [
-            TermRow(
-                f"{element.id}.{n.name}", n.name, name, n.formula, n.value, n.standard_error, *n.interval95, n.unit,
-                math.nan, formula_pretty(column.expression, motion) if column else "",
-            )
-            for n, column in zip_longest(element.numbers, element.form.columns)
-        ]  # fmt: skip
+        for n, column in zip_longest(element.numbers, element.form.columns):
+            low, high = n.interval95
+            written = formula_pretty(column.expression, motion) if column else ""
+            said = f"{element.id}.{n.name}", n.name, name, n.formula, n.value, n.standard_error, low, high
+            rows.append(TermRow(*said, n.unit, math.nan, written))
     return rows
 
 
