@@ -381,7 +381,8 @@ def _files_of_batch(reports: bool, diagnose: bool) -> CampaignFiles | None:
     """Return what writes the files of each campaign."""
     from sindyjoint.reporting.output import CampaignFiles
 
-    return CampaignFiles(reports, diagnose) if reports or diagnose else None
+    extras = ("reports",) * reports + ("diagnosis",) * diagnose
+    return CampaignFiles(extras) if extras else None
 
 
 def _run_batch(campaigns: list[str], out: Path, progress: Progress, options: dict[str, Any]) -> Any:

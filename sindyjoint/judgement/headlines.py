@@ -48,12 +48,16 @@ def judge_check(check: Check[Any]) -> Trust:
     left_out = all(f.masked for f in soundness.findings if f.severity == "biases")
     accepted = "; accepted" if stops and not soundness.stopping else ""
     lights = (
-        Light("faults", "poor" if soundness.stopping else "fair", f"{_named(stops, check.motion)}{accepted}")
+        Light(
+            "faults",
+            "poor" if soundness.stopping else "fair",
+            f"{_named(stops, check.words.motion)}{accepted}",
+        )
         if stops
         else Light("faults", "good", "nothing found that prevents a model"),
         doubt(
             "bias",
-            f"{_named(biases, check.motion)}{'; the samples are left out' * (left_out and bool(biases))}",
+            f"{_named(biases, check.words.motion)}{'; the samples are left out' * (left_out and bool(biases))}",
             "nothing found that shifts a coefficient",
         ),
         judge_coverage([run.frequency for run in runs], [run.level for run in runs]),

@@ -194,9 +194,8 @@ def bars(
 ) -> None:
     """Draw bars from top to bottom on an axis from zero to ``end``; ``written`` formats the values behind them."""
     ax.barh(range(len(names)), values, height=height, color=color)
-    for row, value in enumerate(values):
-        if written:
-            ax.text(value + 0.008 * end, row, written.format(value), va="center", color=INK)
+    for row, value in enumerate(values if written else ()):
+        ax.text(value + 0.008 * end, row, written.format(value), va="center", color=INK)
     ax.set(
         yticks=range(len(names)),
         yticklabels=names,
@@ -341,10 +340,8 @@ def moment_cells(
     """
     largest = float(np.nanmax(np.abs((like or cells).moment))) or 1.0
     z = moment_scale(model.joint.motion, largest)
-    limit = largest * z.factor
-    coloured_cells(
-        ax, cells, model, cells.moment * z.factor, (-limit, limit), label.format(z.unit), title, DIVERGING
-    )
+    ends = -largest * z.factor, largest * z.factor
+    coloured_cells(ax, cells, model, cells.moment * z.factor, ends, label.format(z.unit), title, DIVERGING)
 
 
 #: To four digits for a drawing of a page, lists of lists as the array was; null for what is none.

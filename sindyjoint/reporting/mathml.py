@@ -62,9 +62,10 @@ class _StatePrinter(MathMLPresentationPrinter):
         if not decays:
             return super()._print_Mul(expr)
         others = expr.func(*[factor for factor in expr.args if factor.func is not sympy.exp])
-        factors = ([] if others == 1 else [others]) + decays
         parts = [
-            part for factor in factors for part in (self._made("mo", "&InvisibleTimes;"), self._print(factor))
+            part
+            for factor in ([] if others == 1 else [others]) + decays
+            for part in (self._made("mo", "&InvisibleTimes;"), self._print(factor))
         ]
         return self._made("mrow", *parts[1:])
 

@@ -76,12 +76,8 @@ def html_of(result: Any) -> str:
     if not tables:
         return f"{head}<pre>{escape(text_of(result))}</pre>"
     names, more = ", ".join(figures_of(result)), len(tables[0].rows) - ROWS
-    parts = (
-        str(Blocks({}, {}).table(replace(tables[0], rows=tables[0].rows[:ROWS]))),
-        f"<p>and {more} more rows</p>" * (more > 0),
-        f"<p>.plot(kind): {escape(names)}</p>" * bool(names),
-    )
-    return head + "".join(parts)
+    head += str(Blocks({}, {}).table(replace(tables[0], rows=tables[0].rows[:ROWS])))
+    return f"{head}{f'<p>and {more} more rows</p>' * (more > 0)}{f'<p>.plot(kind): {escape(names)}</p>' * bool(names)}"
 
 
 def latex_of(result: Any) -> str | None:
@@ -229,26 +225,19 @@ class CampaignFiles:
 
     Parameters
     ----------
-    reports : bool
-        What ``sindyjoint discover --out`` writes.
-    diagnose : bool
-        What ``sindyjoint diagnose --out`` writes, in the folder ``diagnosis``.
+    extras : tuple of str
+        What is written: ``"reports"``, as ``sindyjoint discover --out`` does; ``"diagnosis"``, what ``sindyjoint
+        diagnose --out`` writes, in a folder of that name.
     """
 
-    reports: bool = True
-    diagnose: bool = False
-
-    @property
-    def extras(self) -> tuple[str, ...]:
-        """Names of what is written."""
-        return ("reports",) * self.reports + ("diagnosis",) * self.diagnose
+    extras: tuple[str, ...]
 
     def __call__(self, result: Any, folder: Path) -> None:
         """Write what was asked for about a discovery."""
-        if self.reports:
+        if "reports" in self.extras:
             # Over the model that the batch itself has put into the folder.
             write_results(result, folder, force=True)
-        if self.diagnose and result.found:
+        if "diagnosis" in self.extras and result.found:
             from sindyjoint.workflows.diagnose import diagnose
 
             try:

@@ -241,8 +241,7 @@ def join(blocks: Iterable[str]) -> str:
 
 def render(page: Page, origin: Provenance, simulated: bool) -> str:
     """Return a page as one HTML text, with the style sheet and scripts put into it."""
-    script = "\n".join(_text(name) for name in SCRIPTS)
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    script = "\n".join(map(_text, SCRIPTS))
     return (
         _environment()
         .get_template("page.html.j2")
@@ -253,7 +252,7 @@ def render(page: Page, origin: Provenance, simulated: bool) -> str:
             simulated=simulated,
             css=markup(_text("style.css")),
             script=markup(script),
-            script_hash=digest,
+            script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         )
     )
 

@@ -100,11 +100,8 @@ def kinds_of(result: Any) -> Mapping[str, Kind]:
 
 def drawable(result: Any, parts: bool = False) -> list[str]:
     """Return the kinds that a result can show; with ``parts``, single panels too."""
-    view = view_of(result)
-    data = view.gather(result)
-    return [
-        name for name, kind in view.figures(data).items() if (parts or not kind.part) and kind.panels(data)
-    ]
+    data = view_of(result).gather(result)
+    return [name for name, kind in kinds_of(data).items() if (parts or not kind.part) and kind.panels(data)]
 
 
 def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
@@ -209,7 +206,7 @@ def list_saved(path: str | os.PathLike[str]) -> dict[str, Path]:
     """
     folder = Path(path) if Path(path).is_dir() else Path(path).parent
     own = kind_of_results(folder)
-    places = {own: folder, **{name: folder / name for name in FOLDERS if name != own}}
+    places = {own: folder} | {name: folder / name for name in FOLDERS if name != own}
     return {name: place for name, place in places.items() if (place / DATA_FILE).is_file()}
 
 

@@ -118,10 +118,8 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     size = abs(largest)
     if not (size > 0 and size < float("inf")) or unit in ("", "1"):
         return 1.0, pretty_unit(unit)
-    for factor, prefix in _PREFIXES:
-        if size >= 0.3 * factor:
-            return float(f"{1 / factor:g}"), prefix + pretty_unit(unit)
-    return 1e9, "n" + pretty_unit(unit)
+    factor, prefix = next((known for known in _PREFIXES if size >= 0.3 * known[0]), _PREFIXES[-1])
+    return float(f"{1 / factor:g}"), prefix + pretty_unit(unit)
 
 
 def amount(value: float, unit: str, digits: int = 3, half: float = 0.0) -> str:
@@ -188,10 +186,8 @@ def legend_above(ax: Axes, lines: int, columns: int = 1) -> None:
     # A line, and the frame, in points.
     taken = min((10.0 * lines + 4.0) / panel, 0.6)
     share = taken / (1 - taken)
-    if ax.get_yscale() == "log":
-        ax.set_ylim(low, high * (high / low) ** share)
-    else:
-        ax.set_ylim(low, high + share * (high - low))
+    log = ax.get_yscale() == "log"
+    ax.set_ylim(low, high * (high / low) ** share if log else high + share * (high - low))
     ax.legend(loc="upper left", ncols=columns, borderaxespad=0.2, labelspacing=0.3, columnspacing=1)
 
 

@@ -92,8 +92,7 @@ class TextTable:
 
     def headed(self, *columns: str, **look: Any) -> TextTable:
         """Return the table under other headings; none: its own in small letters, as on a terminal."""
-        own = (c if c.isupper() else c.lower() for c in self.columns)
-        heads = columns or tuple(own)
+        heads = columns or tuple(c if c.isupper() else c.lower() for c in self.columns)
         text = tuple(heads[self.columns.index(name)] for name in self.text if name in self.columns)
         return replace(self, columns=heads, text=text, **look)
 
@@ -106,13 +105,13 @@ class TextTable:
 
     def latex(self) -> str:
         """Return the table as LaTeX for the package booktabs."""
-        lines = [" & ".join(_tex(cell) for cell in line) + r" \\" for line in (self.columns, *self.rows)]
-        head, body = lines[0], "\n".join(lines[1:])
+        head, *body = (" & ".join(map(_tex, line)) + r" \\" for line in (self.columns, *self.rows))
         align = "l" + "r" * (len(self.columns) - 1)
-        return (
-            f"\\begin{{table}}\n\\caption{{{_tex(self.title)}}}\n\\begin{{tabular}}{{{align}}}\n\\toprule\n{head}\n\\midrule\n"
-            f"{body}\n\\bottomrule\n\\end{{tabular}}\n\\end{{table}}\n"
-        )
+        lines = [
+            r"\begin{table}", rf"\caption{{{_tex(self.title)}}}", rf"\begin{{tabular}}{{{align}}}", r"\toprule", head,
+            r"\midrule", *body, r"\bottomrule", r"\end{tabular}", r"\end{table}",
+        ]  # fmt: skip
+        return "\n".join(lines) + "\n"
 
 
 def tabulate(
@@ -168,11 +167,10 @@ def csv_text(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 def csv_columns(columns: Mapping[str, Any], digits: int = 7) -> str:
     """Return columns of numbers as CSV text, by their headings; whole numbers as such."""
-    cells = [
-        [str(x) if isinstance(x, int) else f"{x:.{digits}g}" for x in np.asarray(column).tolist()]
-        for column in columns.values()
-    ]
-    return csv_text(list(columns), list(zip(*cells, strict=True)))
+    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    return csv_text(
+        list(columns), [[x if isinstance(x, int) else f"{x:.{digits}g}" for x in row] for row in rows]
+    )
 
 
 def _cell(cell: object) -> object:
@@ -263,16 +261,12 @@ def _tex(text: str) -> str:
 
 def findings_table(findings: Sequence[Finding]) -> TextTable:
     """Return what a check of the data found, one row for each finding."""
-    columns = ("Finding", "Where", "Severity", "Extent", "What it does; what to do")
-    rows = tuple(
-        (
-            f.id,
-            ", ".join(part for part in (f.run, f.channel) if part) or "all runs",
-            f"{f.severity}, left out" if f.masked else f.severity,
-            f.extent,
-            f"{f.effect}; {f.remedy}",
-        )
-        for f in findings
-    )
+    columns: dict[str, Callable[[Finding], str]] = {
+        "Finding": lambda f: f.id,
+        "Where": lambda f: ", ".join(part for part in (f.run, f.channel) if part) or "all runs",
+        "Severity": lambda f: f"{f.severity}, left out" if f.masked else f.severity,
+        "Extent": lambda f: f.extent,
+        "What it does; what to do": lambda f: f"{f.effect}; {f.remedy}",
+    }
     title = "What the check of the data found, by the ids that --accept takes."
-    return TextTable("findings", title, columns, rows, text=columns)
+    return tabulate("findings", title, findings, columns, text=tuple(columns))

@@ -32,8 +32,7 @@ FINDING = ("states", "equation", "discovery", "soundness")
 
 def _said_simulated(result: Any) -> bool:
     """Return whether a result says that it, or its data, come from a virtual test."""
-    warnings = getattr(result, "warnings", ())
-    told = any("simulated" in text and "not measured" in text for text in warnings)
+    told = any("simulated" in text and "not measured" in text for text in getattr(result, "warnings", ()))
     return bool(getattr(result, "simulated", False)) or told
 
 

@@ -19,7 +19,7 @@ __getattr__ = fetched(
         "detectors.sizes": "find_disagreement main_line",
         "law": "MOST_HARMONICS POINTS cycles_of",
         "law.odd_runs": "Held find_odd_runs find_other_scales",
-        "masking": "bridge mask_campaign mask_run",
+        "masking": "bridge mask_faults mask_run",
         "warnings": "identifiability_notes",
     },
 )
@@ -166,7 +166,10 @@ def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 OF_QUANTITY = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 MOMENT, OTHER, STRUCTURE = "moment", "", "structure"
-DRIVEN = "the drive is wrong by that, and with it k1, k3, c1 and M_F of every joint"
+SHOWN_BY = {
+    DRIVE: "the drive is wrong by that, and with it k1, k3, c1 and M_F of every joint",
+    "time": "all frequencies are wrong by that factor, c1 too, and the inertia by its square",
+}
 SHOWN = "what this sensor adds to the recovered angles and moments is wrong, and with it k1, k3, c1 and M_F"
 TWICE = (
     "the same evidence counts twice: every interval (k1, c1, M_F ...) is too narrow, and nothing is held out"
@@ -250,6 +253,7 @@ EFFECTS: dict[str, dict[str, str]] = {
     "unit_mismatch": {
         MOMENT: "k1, c1 and M_F are wrong by that factor",
         OTHER: "k1 and c1 are wrong by that factor, k3 by its cube",
+        "time": "{shown}",
         STRUCTURE: "{shown}",
     },
     "other_sensor": {
@@ -273,12 +277,15 @@ class Words:
         By channel.
     names : mapping of str to str
         What sentences and tables call channels, where another name than their own.
+    motion : {"rotation", "translation"}
+        Of the joint, or of a structure's joints.
     structure : bool
         Whether they are those of a structure.
     """
 
     units: Mapping[str, str]
     names: Mapping[str, str]
+    motion: Motion
     structure: bool = False
 
     def of(self, channel: str | None) -> str:
@@ -295,11 +302,16 @@ class Words:
         """Return the unit of a channel."""
         return self.units.get(channel, "s")
 
+    @property
+    def done(self) -> str:
+        """What becomes of samples at fault."""
+        return "filled in" if self.structure else "left out"
+
     def effect(self, kind: str, channel: str | None) -> str:
         """Return what a fault of a channel does to the law."""
         known = EFFECTS[kind]
         text = known.get(STRUCTURE if self.structure else str(channel), known.get(OTHER, ""))
-        return text.format(moment=self.label(MOMENT), shown=DRIVEN if channel == DRIVE else SHOWN)
+        return text.format(moment=self.label(MOMENT), shown=SHOWN_BY.get(str(channel), SHOWN))
 
     def finding(
         self,
@@ -323,21 +335,20 @@ def words_of(motion: Motion) -> Words:
     q = quantities(motion)
     path, speed, acceleration = q.angle.lower(), q.rate.lower(), f"{q.angle_unit}/s^2"
     units = {
-        "moment": q.moment_unit,
-        "angle": q.angle_unit,
-        "rate": q.rate_unit,
-        "acceleration": acceleration,
-    }
+        "moment": q.moment_unit, "angle": q.angle_unit, "rate": q.rate_unit, "acceleration": acceleration,
+        MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit,
+    }  # fmt: skip
     names = {
         "moment": q.moment.lower(), "angle": path, "rate": speed,
         MEASURED_ANGLE: f"{path} sensor", MEASURED_RATE: f"{speed} sensor",
     }  # fmt: skip
-    return Words(units | {MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit}, names)
+    return Words(units, names, motion)
 
 
 def words_of_data(measured: Campaign | RigTest) -> Words:
     """Return what the channels of a campaign, or of a structure's test, are called."""
     if not isinstance(measured, RigTest):
         return words_of(measured.joint.motion)
-    drive = "m/s^2" if measured.at == BASE else "N"
-    return Words({DRIVE: drive} | {s.name: OF_QUANTITY[s.quantity] for s in measured.sensors}, {}, True)
+    units = {DRIVE: "m/s^2" if measured.at == BASE else "N"}
+    units |= {sensor.name: OF_QUANTITY[sensor.quantity] for sensor in measured.sensors}
+    return Words(units, {}, measured.motion, True)

@@ -9,7 +9,7 @@ import numpy as np
 from sindyjoint.described import Shown, same
 from sindyjoint.errors import SindyJointError, UnknownNameError, UnsoundError
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.record import Campaign, Motion
+from sindyjoint.record import Campaign
 from sindyjoint.soundness import (
     DELAY,
     KINDS,
@@ -29,7 +29,7 @@ from sindyjoint.soundness.detectors import (
     values,
 )
 from sindyjoint.soundness.law import filters, mean_cycles, odd_runs, samples_of
-from sindyjoint.soundness.masking import bridge_record, fill_test, leave_out_standstill, mask_campaign
+from sindyjoint.soundness.masking import bridge_record, leave_out_standstill, mask_faults
 from sindyjoint.states import force_states
 from sindyjoint.text import list_some, spelled
 
@@ -54,7 +54,7 @@ def find_faults(measured: Campaign | RigTest) -> tuple[Finding, ...]:
 def _find_in_samples(records: Sequence[Record], words: Words) -> list[Finding]:
     """Return what single samples show, of whichever record."""
     each = (values.find_lost, values.find_saturation, values.find_held, values.find_coarse_steps)
-    found = [f for record in records for find in each for f in find(record, words)]
+    found = (f for record in records for find in each for f in find(record, words))
     return [*found, *values.find_spikes(records, words)]
 
 
@@ -63,7 +63,7 @@ def _find_in_test(test: RigTest, words: Words) -> list[Finding]:
 
     raw = records_of(test)
     samples = _find_in_samples(raw, words)
-    filled = fill_test(test, samples)[0]
+    filled = mask_faults(test, samples)[0]
     found = [
         *values.find_dead(raw, words),
         *copies.find_blocks(raw, words),
@@ -76,9 +76,8 @@ def _find_in_test(test: RigTest, words: Words) -> list[Finding]:
         ),
     ]
     odd = {f.run for f in found if f.severity != "note" and not f.masked and f.id != "no_signal"}
-    sound = [run for run in filled.runs if run.name not in odd]
-    sensors = find_in_sensors(test, list(recovered(test, sound)), words)
-    return [*sizes.find_unit_mismatches(raw, words), *found, *sensors]
+    sound = list(recovered(test, [run for run in filled.runs if run.name not in odd]))
+    return [*sizes.find_unit_mismatches(raw, words), *found, *find_in_sensors(test, sound, words)]
 
 
 def _find_in_campaign(campaign: Campaign, words: Words) -> list[Finding]:
@@ -132,7 +131,7 @@ def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -
     found += _find_in_broadband(campaign, records, words)
     odd_names = {f.run for f in found if f.id != "drift"}
     sound = [r.run for r in records if r.run is not None and r.name not in odd_names and len(r.alive) > 1]
-    return [*found, *(() if filtered else filters.find_channel_delay(campaign, sound, words))]
+    return found if filtered else [*found, *filters.find_channel_delay(campaign, sound, words)]
 
 
 def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Words) -> list[Finding]:
@@ -200,11 +199,6 @@ class Check(Shown, Generic[Data]):
         return self.measured.name if isinstance(self.measured, RigTest) else self.measured.joint.name
 
     @property
-    def motion(self) -> Motion:
-        """Of the joints."""
-        return self.measured.motion if isinstance(self.measured, RigTest) else self.measured.joint.motion
-
-    @property
     def words(self) -> Words:
         """What the channels are called."""
         return words_of_data(self.measured)
@@ -230,7 +224,7 @@ class Check(Shown, Generic[Data]):
         if not self.stopping:
             return ""
         ids = " ".join(f"--accept {name}" for name in dict.fromkeys(f.id for f in self.stopping))
-        faults = "; ".join(describe(self.stopping, self.words, self.motion))
+        faults = "; ".join(describe(self.stopping, self.words))
         return f"the data are unsound: {faults} ({ids} goes on all the same)"
 
     def undecided_by(self, aligned: bool = False) -> tuple[Finding, ...]:
@@ -240,16 +234,15 @@ class Check(Shown, Generic[Data]):
         that was removed.
         """
         removed = self._removed(aligned)
-        shifting = {(kind, "biases") for kind in PHASE}
         return tuple(
             f
             for f in self.soundness.findings
-            if f.severity == "stops" or ((f.id, f.severity) in shifting and f not in removed)
+            if f.severity == "stops" or (f.severity == "biases" and f.id in PHASE and f not in removed)
         )
 
     def warned(self, aligned: bool) -> tuple[str, ...]:
         """Return the warnings without that of a delay which was removed."""
-        said = describe(self._removed(aligned), self.words, self.motion)
+        said = describe(self._removed(aligned), self.words)
         return tuple(line for line in self.warnings if line not in said)
 
     def _removed(self, aligned: bool) -> list[Finding]:
@@ -275,14 +268,12 @@ def check_data(measured: Campaign | RigTest, accept: Sequence[str] = ()) -> Chec
     check_accepted(accept)
     soundness = Soundness(find_faults(measured), tuple(dict.fromkeys(accept)))
     words = words_of_data(measured)
-    if isinstance(measured, RigTest):
-        filled, changed = fill_test(measured, soundness.findings)
-        return Check(measured, soundness, filled, (*list_faults(soundness, words, measured.motion), *changed))
-    usable, masked = mask_campaign(measured, soundness.findings)
-    usable, still, motionless = leave_out_standstill(usable, words)
-    soundness = replace(soundness, findings=in_order((*soundness.findings, *motionless)))
-    faults = list_faults(soundness, words, measured.joint.motion)
-    return Check(measured, soundness, usable, (*faults, *masked, *still, *_list_unchecked(measured)))
+    usable, said = mask_faults(measured, soundness.findings)
+    if isinstance(measured, Campaign):
+        usable, still, motionless = leave_out_standstill(usable, words)
+        soundness = replace(soundness, findings=in_order((*soundness.findings, *motionless)))
+        said = (*said, *still, *_list_unchecked(measured))
+    return Check(measured, soundness, usable, (*list_faults(soundness, words), *said))
 
 
 def check_accepted(accept: Sequence[str]) -> None:
@@ -305,15 +296,14 @@ def require_sound(check: Check[Data]) -> Check[Data]:
     return check
 
 
-def list_faults(soundness: Soundness, words: Words, motion: Motion) -> list[str]:
+def list_faults(soundness: Soundness, words: Words) -> list[str]:
     """Return what was accepted, and what biases and is not left out."""
     accepted = [f for f in soundness.findings if f.severity == "stops" and f.id in soundness.accepted]
     biasing = [f for f in soundness.findings if f.severity == "biases" and not f.masked]
-    said = (f"accepted: {line}" for line in describe(accepted, words, motion))
-    return [*said, *describe(biasing, words, motion)]
+    return [*(f"accepted: {line}" for line in describe(accepted, words)), *describe(biasing, words)]
 
 
-def describe(findings: Sequence[Finding], words: Words, motion: Motion) -> list[str]:
+def describe(findings: Sequence[Finding], words: Words) -> list[str]:
     """Return a sentence for each kind of finding and channel: where, how much, what it does, what to do."""
     groups: dict[tuple[str, str | None], list[Finding]] = {}
     for finding in findings:
@@ -321,7 +311,7 @@ def describe(findings: Sequence[Finding], words: Words, motion: Motion) -> list[
     lines = []
     for (kind, channel), group in groups.items():
         first, runs = group[0], list_some([f.run for f in group if f.run is not None])
-        named = spelled(kind, motion)
+        named = spelled(kind, words.motion)
         named += f" of the {words.of(channel)}" if channel and words.of(channel) not in named else ""
         lines.append(
             f"{named}{f' in {runs}' if runs else ''}: {first.extent}; {first.effect}; {first.remedy}"

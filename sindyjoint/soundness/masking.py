@@ -21,25 +21,35 @@ from sindyjoint.text import list_some
 SATURATION, ENDS = "saturation", ("dead_start", "dead_tail")
 
 
-def mask_campaign(campaign: Campaign, findings: Sequence[Finding]) -> tuple[Campaign, tuple[str, ...]]:
-    """Return the campaign without the samples that can be left out, and a sentence for each kind of fault on it.
+def mask_faults(measured: Any, findings: Sequence[Finding]) -> tuple[Any, tuple[str, ...]]:
+    """Return a campaign without the samples that can be left out, or a structure's test with them filled in.
+
+    And a sentence for each kind of fault on it.
 
     Parameters
     ----------
-    campaign : Campaign
+    measured : Campaign or RigTest
     findings : sequence of Finding
         Those with ``masked`` set count. Runs too long for memory stay as they are.
     """
-    masked = [f for f in findings if f.masked and f.spans]
-    by_run = {run.name: [f for f in masked if f.run == run.name] for run in campaign.runs}
-    runs = tuple(mask_run(run, by_run[run.name]) for run in campaign.runs)
+    runs: list[Any] = []
     counts: dict[str, dict[str, int]] = {}
-    for run in (run for new, run in zip(runs, campaign.runs, strict=True) if new is not run):
-        for kind in dict.fromkeys(f.id for f in by_run[run.name]):
-            left_out = _find_samples(run, [f for f in by_run[run.name] if f.id == kind])
-            counts.setdefault(kind, {})[run.name] = int(np.count_nonzero(left_out))
-    said = tuple(_say(kind, some, "left out") for kind, some in counts.items())
-    return campaign.with_runs(runs) if counts else campaign, said
+    for run in measured.runs:
+        own = [f for f in findings if f.masked and f.spans and f.run == run.name]
+        runs.append(mask_run(run, own) if isinstance(run, Run) else _fill_run(run, own, measured.channels))
+        for kind in dict.fromkeys(f.id for f in own) if runs[-1] is not run else ():
+            some = [f for f in own if f.id == kind]
+            counts.setdefault(kind, {})[run.name] = (
+                int(np.count_nonzero(_find_samples(run, some)))
+                if isinstance(run, Run)
+                else sum(b - a for f in some for a, b in f.spans)
+            )
+    said = (
+        f"{(samples := sum(some.values()))} sample{'s' * (samples > 1)} of {list_some(list(some))} "
+        f"{'filled in' if isinstance(measured, RigTest) and kind not in ENDS else 'left out'}: {kind.replace('_', ' ')}"
+        for kind, some in counts.items()
+    )
+    return replace(measured, runs=tuple(runs)) if counts else measured, tuple(said)
 
 
 def leave_out_standstill(
@@ -61,11 +71,20 @@ def leave_out_standstill(
         if not any(np.ptp(run.moment) for run in campaign.runs):
             # A release from standstill then shows, and smoothing takes nothing of the first swing.
             remedy = "record free decays from rest, at larger angles, with 40 samples in a period or more"
-        said = {name: reason.split(": ", 1)[-1].split("; ")[0] for name, reason in reasons.items()}
-        found = (words.finding("no_signal", run, "angle", "stops", why, remedy) for run, why in said.items())
-        return campaign, (), tuple(found)
-    names, several = list_some(list(reasons)), len(reasons) > 1
-    left_out = f"{names} left out: the velocity hardly rises above its noise in {'them' if several else 'it'}"
+        return (
+            campaign,
+            (),
+            tuple(
+                words.finding(
+                    "no_signal", run, "angle", "stops", reason.split(": ", 1)[-1].split("; ")[0], remedy
+                )
+                for run, reason in reasons.items()
+            ),
+        )
+    left_out = (
+        f"{list_some(list(reasons))} left out: the velocity hardly rises above its noise in "
+        f"{'them' if len(reasons) > 1 else 'it'}"
+    )
     return campaign.with_runs(moving), (left_out,), ()
 
 
@@ -80,43 +99,26 @@ def _standstill(run: Run) -> str:
     return ""
 
 
-def _say(kind: str, counts: dict[str, int], done: str) -> str:
-    samples = sum(counts.values())
-    return (
-        f"{samples} sample{'s' * (samples > 1)} of {list_some(list(counts))} {done}: {kind.replace('_', ' ')}"
-    )
-
-
-def fill_test(test: RigTest, findings: Sequence[Finding]) -> tuple[RigTest, tuple[str, ...]]:
-    """Return a structure's test whose samples at fault are filled in, its dead ends cut, and a sentence for each kind.
-
-    Parameters
-    ----------
-    test : RigTest
-    findings : sequence of Finding
-        Those with ``masked`` set count.
-    """
-    masked = [f for f in findings if f.masked and f.spans]
-    runs = tuple(_fill_run(run, [f for f in masked if f.run == run.name], test.channels) for run in test.runs)
-    counts: dict[str, dict[str, int]] = {}
-    for f in masked:
-        of_kind = counts.setdefault(f.id, {})
-        of_kind[str(f.run)] = of_kind.get(str(f.run), 0) + sum(b - a for a, b in f.spans)
-    said = (_say(kind, some, "left out" if kind in ENDS else "filled in") for kind, some in counts.items())
-    return replace(test, runs=runs) if masked else test, tuple(said)
-
-
 def _spans(findings: Sequence[Finding], *channels: str | None) -> Spans:
     """Return the samples at fault of one of some channels."""
     return tuple(span for f in findings if f.channel in channels for span in f.spans)
 
 
+def _period(run: Run | RigRun) -> float | None:
+    """Return the samples in a period of the excitation."""
+    return None if run.frequency is None else run.sample_rate / run.frequency
+
+
 def _fill_run(run: RigRun, masked: Sequence[Finding], names: Sequence[str]) -> RigRun:
     if not masked:
         return run
-    n, period = run.drive.size, None if run.frequency is None else run.sample_rate / run.frequency
-    pairs = zip(run.signals, names, strict=True)
-    signals = np.array([bridge(x, ~marked_of(_spans(masked, name), n), period) for x, name in pairs])
+    n = run.drive.size
+    signals = np.array(
+        [
+            bridge(x, ~marked_of(_spans(masked, name), n), _period(run))
+            for x, name in zip(run.signals, names, strict=True)
+        ]
+    )
     known = np.flatnonzero(~marked_of([span for f in masked if f.id in ENDS for span in f.spans], n))
     kept = slice(int(known[0]), int(known[-1]) + 1) if known.size >= MINIMUM_SAMPLES else slice(None)
     return replace(run, drive=signals[0, kept], responses=signals[1:, kept], lost=None)
@@ -127,18 +129,15 @@ def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
 
     Where too few samples would remain, or the run is too long for memory, it is returned as it is.
     """
-    if not findings or run.whole is not None:
-        return run
     valid = ~_find_samples(run, findings)
     if run.valid is not None:
         valid &= run.valid
-    if np.count_nonzero(valid) < MINIMUM_SAMPLES:
-        return run
     known = np.flatnonzero(valid)
+    if not findings or run.whole is not None or known.size < MINIMUM_SAMPLES:
+        return run
     kept = slice(int(known[0]), int(known[-1]) + 1)
-    period = None if run.frequency is None else run.sample_rate / run.frequency
     signals: dict[str, Any] = {
-        name: bridge(x[kept], ~marked_of(_spans(findings, name, None), run.n_samples)[kept], period)
+        name: bridge(x[kept], ~marked_of(_spans(findings, name, None), run.n_samples)[kept], _period(run))
         for name, x in run.channels.items()
     }
     valid = valid[kept]

@@ -99,8 +99,6 @@ def _warn_of_evidence(
 
 
 def _word_delay(delay: ChannelDelay, model: JointModel, aligned: bool) -> str:
-    size = f"{1e3 * abs(delay.time):.3f} ± {1e3 * delay.standard_error:.3f} ms"
-    direction = "lags" if delay.time > 0 else "leads"
     load, path = channel_words(model)
     if delay.at_limit:
         return (
@@ -114,8 +112,8 @@ def _word_delay(delay: ChannelDelay, model: JointModel, aligned: bool) -> str:
         bias = -delay.time * model["linear_stiffness"].coefficient
         effect = f", which shifts the viscous damping by about {bias:.3g} {DAMPING[model.joint.motion]}"
     return (
-        f"the {load} seems to {direction[:-1]} the {path} by {size}{effect}: check the common trigger, or run "
-        "again with --align"
+        f"the {load} seems to {'lag' if delay.time > 0 else 'lead'} the {path} by {1e3 * abs(delay.time):.3f} ± "
+        f"{1e3 * delay.standard_error:.3f} ms{effect}: check the common trigger, or run again with --align"
     )
 
 
@@ -146,10 +144,10 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
             "gain in [channels]"
         )
     elif backwards:
-        line = (
-            "the elastic stiffness is negative in every run: check the signs of the channels, and the inertia"
+        yield in_words_of(
+            model.joint.motion,
+            "the elastic stiffness is negative in every run: check the signs of the channels, and the inertia",
         )
-        yield in_words_of(model.joint.motion, line)
     elif feeding:
         yield (
             "the joint gives off energy in every run (negative dissipation): check the signs of the channels, and "
@@ -163,11 +161,10 @@ def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
     """Warn of a viscous damping that feeds energy into a joint that dissipates on the whole."""
     if "linear_damping" not in model or model["linear_damping"].interval95[1] >= 0:
         return
-    rate = quantities(model.joint.motion).rate.lower()
-    unit = DAMPING[model.joint.motion]
+    q = quantities(model.joint.motion)
     yield (
-        f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {unit}: the "
-        f"{channel_words(model)[0]} falls as the {rate} grows, as friction does that is larger near standstill "
+        f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {DAMPING[model.joint.motion]}: "
+        f"the {q.moment.lower()} falls as the {q.rate.lower()} grows, as friction does that is larger near standstill "
         "(Stribeck); keep to the tested range: beyond it the model gives off energy"
     )
 

@@ -17,7 +17,7 @@ from sindyjoint.soundness import (
     cycles_of,
     find_odd_runs,
     find_other_scales,
-    mask_campaign,
+    mask_faults,
     mask_run,
     step_of,
     words_of,
@@ -105,7 +105,7 @@ def test_what_cannot_be_left_out_stays():
     long = replace(run, whole=LongRecord("campaign.toml", 0, (0, 2000, 4000)))
     assert mask_run(long, [finding()]) is long
     campaign = Campaign(Joint(), (run,))
-    assert mask_campaign(campaign, [finding(masked=False), finding(run="b")]) == (campaign, ())
+    assert mask_faults(campaign, [finding(masked=False), finding(run="b")]) == (campaign, ())
 
 
 def test_what_is_left_out_is_said_once_for_each_fault():
@@ -113,7 +113,7 @@ def test_what_is_left_out_is_said_once_for_each_fault():
     campaign = Campaign(Joint(), runs)
     spikes = [finding(run=name, spans=[(5, 6), (9, 11)]) for name in "abcde"]
     tail = finding(run="b", channel=None, spans=[(1900, 2000)], id="dead_tail")
-    masked, words = mask_campaign(campaign, [*spikes, tail])
+    masked, words = mask_faults(campaign, [*spikes, tail])
     assert words == (
         "15 samples of a, b, c and 2 more runs left out: spikes",
         "100 samples of b left out: dead tail",

@@ -119,8 +119,11 @@ def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
     implied = [motion for motion in ROLES if _OWN[motion] & answered]
     answer = answers.get("motion") or (implied[0] if len(implied) == 1 else None)
     if answer is None and counts["translation"] == counts["rotation"]:
-        text = "does the joint rotate or slide (rotation; or translation, with force and displacement)?"
-        answer = dialogue.ask("motion", text, guess)
+        answer = dialogue.ask(
+            "motion",
+            "does the joint rotate or slide (rotation; or translation, with force and displacement)?",
+            guess,
+        )
     if answer not in (None, *ROLES):
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
     motion: Motion = guess if answer is None else answer
@@ -171,9 +174,9 @@ def assign_columns(
     for quantity, role in ROLES[motion].items():
         key = KEYS[motion][quantity][0]
         free = [column for column in bundle.columns if column not in found.values()]
-        candidates = [column for column in free if column.role == role]
-        if quantity == "angle" and not candidates:
-            candidates = [column for column in free if column.role == "position"]
+        candidates = [column for column in free if column.role == role] or [
+            column for column in free if column.role == "position" and quantity == "angle"
+        ]
         if quantity == "moment" and _is_unloaded(bundle, candidates, free, key, motion, dialogue):
             continue
         chosen = _choose(bundle, key, role, candidates, dialogue)

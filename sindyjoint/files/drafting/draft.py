@@ -176,8 +176,7 @@ def draft_manifest(
     offered, (untold, rates) = offer_inputs(bundles), untold_rates(assigned, dialogue)
     for bundle, columns in assigned:
         try:
-            rate = rates.get(bundle.name)
-            runs.append(_draft_run(bundle, columns, motion, dialogue, peers, offered, rate))
+            runs.append(_draft_run(bundle, columns, motion, dialogue, peers, offered, rates.get(bundle.name)))
         except InputError as error:
             left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     if not runs:
@@ -190,21 +189,31 @@ def draft_manifest(
         )
     peaks = [abs(run.peak / runs[0].factor) for run in runs]
     levels = name_levels([f"{run.drafted.file} {run.drafted.run}" for run in runs], peaks, runs[0].unit)
-    drafted = [replace(run.drafted, level=level) for run, level in zip(runs, levels, strict=True)]
-    simulated = any(bundle.simulated for bundle in bundles if bundle.name in {run.file for run in drafted})
-    channels = [run.channels for run in runs]
+    runs = [
+        replace(run, drafted=replace(run.drafted, level=level))
+        for run, level in zip(runs, levels, strict=True)
+    ]
+    used = {run.drafted.file for run in runs}
+    simulated = any(bundle.simulated for bundle in bundles if bundle.name in used)
     inputs = input_lines(dialogue.answers.get("inputs", ""), bundles[0])
-    text = _write(
-        dialogue.answers.get("name", name), motion, drafted, channels, simulated, dialogue, left, inputs
-    )
+    text = _write(dialogue.answers.get("name", name), motion, runs, simulated, dialogue, left, inputs)
     if len(untold) > 1 and "rate" in dialogue.questions:
         asked = dialogue.questions["rate"]
-        each = f"or one for each: '{untold[0]}: 1 kHz, {untold[1]}: ...'"
-        more = f"{asked.text} One rate is that of {list_some(untold[1:], 'files')}, too, {each}"
-        dialogue.questions["rate"] = replace(asked, text=more)
-    questions = tuple(dialogue.questions.values())
-    used = _list_used(runs)
-    return Draft(text, motion, channels[0], tuple(drafted), questions, tuple(left), simulated, used)
+        more = (
+            f"One rate is that of {list_some(untold[1:], 'files')}, too, or one for each: "
+            f"'{untold[0]}: 1 kHz, {untold[1]}: ...'"
+        )
+        dialogue.questions["rate"] = replace(asked, text=f"{asked.text} {more}")
+    return Draft(
+        text,
+        motion,
+        runs[0].channels,
+        tuple(run.drafted for run in runs),
+        tuple(dialogue.questions.values()),
+        tuple(left),
+        simulated,
+        _list_used(runs),
+    )
 
 
 def _split(files: Sequence[Bundle], dialogue: Dialogue) -> list[Bundle]:
@@ -217,8 +226,7 @@ def _split(files: Sequence[Bundle], dialogue: Dialogue) -> list[Bundle]:
             text = (
                 f"are {names} in {file.name} runs of one joint (yes), or its columns those of one run (no)?"
             )
-            if dialogue.ask("runs", text, "yes") == "no":
-                runs = (file,)
+            runs = (file,) if dialogue.ask("runs", text, "yes") == "no" else runs
         found += runs
     return found
 
@@ -239,10 +247,9 @@ def _draft_run(
     for quantity, column in ((name, c) for name, c in columns.items() if name != "time"):
         key = KEYS[motion][quantity][0]
         unit, gain = units[quantity] = find_unit(column, quantity, motion, dialogue, peers[quantity])
-        pairs = {
-            "file": column.file, "column": column.key, "minus": column.minus, "unit": unit, "gain": gain
-        }  # fmt: skip
-        channels[key] = toml_value(pairs) + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
+        channels[key] = toml_value(
+            {"file": column.file, "column": column.key, "minus": column.minus, "unit": unit, "gain": gain}
+        ) + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
         called = column.key if column.minus in (None, NONE) else f"{column.key} - {column.minus}"
         used.append(UsedColumn(bundle.name, called, key, unit, _why(column, key, unit, dialogue)))
     key = KEYS[motion]["moment"][0]
@@ -251,26 +258,32 @@ def _draft_run(
         channels[key] = toml_value({"constant": load}) + dialogue.mark(key)
         used.append(UsedColumn(bundle.name, None, key, load, dialogue.why(key, "constant")))
     taken = {(c.file, key) for c in columns.values() for key in (c.key, c.minus)}
-    for column in bundle.columns:
-        if (column.file, column.key) not in taken:
-            why = f"looks like {column.role}" if column.role else "neither name nor unit tell"
-            why = why if np.ptp(column.values) else f"constant at {column.values[0]:g}"
-            why = offered.get(column.title, why)
-            used.append(UsedColumn(bundle.name, column.key, UNUSED, column.unit, why))
-    numbers = [title for title, _ in bundle.scalars if title in offered]
-    used += [UsedColumn(bundle.name, title, UNUSED, "", offered[title]) for title in numbers]
+    used += [
+        UsedColumn(bundle.name, c.key, UNUSED, c.unit, offered.get(c.title) or _why_not(c))
+        for c in bundle.columns
+        if (c.file, c.key) not in taken
+    ]
+    used += [
+        UsedColumn(bundle.name, title, UNUSED, "", offered[title])
+        for title, _ in bundle.scalars
+        if title in offered
+    ]
     of_motion = "angle" if "angle" in columns else "acceleration"
     angle = columns[of_motion]
     moment = columns["moment"].values if "moment" in columns else np.zeros_like(angle.values)
-    read = [angle, columns.get("moment", angle)]
-    still = [
-        (
-            np.ptp(column.values) == 0,
-            f"{bundle.name}: column {column.key} never changes; check its cable, or name another column with --set",
-        )
-        for column in read
-    ]
-    refuse([*still, (angle.values.size != moment.size, f"{bundle.name}: its channels differ in length")])
+    refuse(
+        [
+            *(
+                (
+                    np.ptp(column.values) == 0,
+                    f"{bundle.name}: column {column.key} never changes; check its cable, or name another column with "
+                    "--set",
+                )
+                for column in (angle, columns.get("moment", angle))
+            ),
+            (angle.values.size != moment.size, f"{bundle.name}: its channels differ in length"),
+        ]
+    )
     unit, gain = units[of_motion]
     si, raw = KEYS[motion][of_motion][1], needs_gain(unit)
     factor = 1.0 if raw and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
@@ -292,6 +305,13 @@ def _used_time(file: str, column: Column | None, channels: dict[str, str], dialo
     return UsedColumn(file, None, key, value.strip('"'), comment or dialogue.why("rate", "stamps"))
 
 
+def _why_not(column: Column) -> str:
+    """Return why a column is no channel."""
+    if not np.ptp(column.values):
+        return f"constant at {column.values[0]:g}"
+    return f"looks like {column.role}" if column.role else "neither name nor unit tell"
+
+
 def _why(column: Column, key: str, unit: str, dialogue: Dialogue) -> str:
     """Return why a column is a channel, and in that unit."""
     by_file = "its name" if column.role else "its values"
@@ -307,13 +327,10 @@ def _list_used(runs: Sequence[_Run]) -> tuple[UsedColumn, ...]:
     A star stands for what a file with several runs calls each of them.
     """
     same: dict[UsedColumn, list[str]] = {}
-    for run in runs:
-        for used in run.used:
-            called = run.drafted.run
-            column = (
-                str(used.column).replace(called, "*") if called and used.column is not None else used.column
-            )
-            same.setdefault(replace(used, file="", column=column), []).append(used.file)
+    for called, used in ((run.drafted.run, used) for run in runs for used in run.used):
+        starred = bool(called) and used.column is not None
+        column = str(used.column).replace(called, "*") if starred else used.column
+        same.setdefault(replace(used, file="", column=column), []).append(used.file)
     merged = [
         replace(
             used,
@@ -329,28 +346,27 @@ def _list_used(runs: Sequence[_Run]) -> tuple[UsedColumn, ...]:
 def _write(
     name: str,
     motion: Motion,
-    runs: Sequence[DraftedRun],
-    channels: Sequence[dict[str, str]],
+    made: Sequence[_Run],
     simulated: bool,
     dialogue: Dialogue,
     left_out: Sequence[tuple[str, str]],
     inputs: Sequence[str],
 ) -> str:
     """Return the text of the manifest."""
-    inertia, unit = KEYS[motion]["inertia"]
-    load, unit = KEYS[motion]["moment"][0], unit.replace("**", "^")
-    given, per_unit = dialogue.answers.get(inertia), ""
+    runs, channels = [run.drafted for run in made], [run.channels for run in made]
+    load, (inertia, si) = KEYS[motion]["moment"][0], KEYS[motion]["inertia"]
+    unit, given, per_unit = si.replace("**", "^"), dialogue.answers.get(inertia), ""
     if given is None and not any("column" in own[load] for own in channels):
         # Of a free decay the law is known up to a factor, which the inertia fixes.
         given = f"1 {unit}"
         per_unit = f"  # no {load} was measured: coefficients are per unit of {inertia}"
     head = ["# Drafted by sindyjoint init from the files of this folder."]
     if dialogue.questions:
-        guessed = (f"{each.key} = {each.guess}" for each in dialogue.questions.values())
+        guesses = [printable(f"{each.key} = {each.guess}") for each in dialogue.questions.values()]
         head += [
             "# No file tells this: correct it below, and remove from this list what is right. Until then no result is "
             "trusted.",
-            f"guessed = {toml_value([printable(each) for each in guessed])}",
+            f"guessed = {toml_value(guesses)}",
         ]
     joint = [
         f"name = {toml_value(printable(name))}",

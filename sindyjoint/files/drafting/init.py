@@ -13,7 +13,7 @@ from sindyjoint.documents import parse_toml
 from sindyjoint.errors import InputError, OutputError, checks_options
 from sindyjoint.files.atomic import write_text
 from sindyjoint.files.drafting.assignment import Question
-from sindyjoint.files.drafting.draft import Draft, draft_manifest
+from sindyjoint.files.drafting.draft import Draft, DraftedRun, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
 from sindyjoint.files.manifest import MANIFEST_NAME, Channel, Manifest, TimeChannel
 from sindyjoint.text import in_columns
@@ -56,25 +56,25 @@ class Initialised(Described):
             (u.file, "–" if u.column is None else str(u.column), u.quantity, u.unit or "–", u.why)
             for u in draft.columns[:SHOWN]
         ]
-        kinds, said = [(run.frequency, run.level) for run in draft.runs], []
-        for run in draft.runs[:SHOWN]:
-            rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
-            repeated = kinds.count((run.frequency, run.level))
-            again = f", one of {repeated} that repeat" if repeated > 1 and run.frequency else ""
-            called = f"{run.file} {run.run}".strip()
-            said.append(f"  {called}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
         runs = f" for all {len(draft.runs)} runs" if len(draft.runs) > 1 else ""
         guesses = ((each.key, each.guess) for each in draft.questions[: SHOWN // 2])
         return [
             f"{self.manifest}: {len(draft.runs)} {kind}, {draft.motion}",
             *(f"  {line}" for line in in_columns(rows)),
             *_more(draft.columns, " columns"),
-            *said,
+            *(f"  {self._said_of(run)}" for run in draft.runs[:SHOWN]),
             *_more(draft.runs, ""),
             *(f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]),
             *(f"  kept: {key} = {value}; --set {key}=... changes it" for key, value in self.kept.items()),
             *(f"  guessed: {key} = {guess}{runs}; --set {key}=... sets it" for key, guess in guesses),
         ]
+
+    def _said_of(self, run: DraftedRun) -> str:
+        rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
+        alike = sum((run.frequency, run.level) == (each.frequency, each.level) for each in self.draft.runs)
+        again = f", one of {alike} that repeat" if alike > 1 and run.frequency else ""
+        called = f"{run.file} {run.run}".strip()
+        return f"{called}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}"
 
     @property
     def guessed(self) -> dict[str, str | None]:
@@ -156,7 +156,7 @@ def init(
             return draft_manifest(name, files, left_out, answers)
         except InputError as error:
             said = ", ".join(f"{key} = {value!r}" for key, value in kept.items())
-            way = f"; {target} says {said}: change it with --set, or remove that file" if kept else ""
+            way = f"; {target} says {said}: change it with --set, or remove that file" * bool(kept)
             raise InputError(f"{place}: {error}{way}") from error
 
     if target.exists():

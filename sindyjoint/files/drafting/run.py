@@ -143,8 +143,8 @@ def _draft_rate(bundle: Bundle, channels: dict[str, str], dialogue: Dialogue) ->
     where, rate = found[0] if found else ("", None)
     if rate is None or any(abs(other / rate - 1) > SHARED.tolerated for _, other in found):
         text = f"how fast was {bundle.name} sampled, such as '1 kHz', or 'none' of quasi-static samples?"
-        listed = ", ".join(f"{other:g} Hz is {said}" for said, other in found)
-        dialogue.ask("rate", f"{text} {listed}".strip(), None)
+        listed = (f"{other:g} Hz is {said}" for said, other in found)
+        dialogue.ask("rate", f"{text} {', '.join(listed)}".strip(), None)
         return None
     channels["rate"] = toml_value(f"{rate:.9g} Hz") + f"  # {where}"
     return rate
@@ -283,8 +283,9 @@ def input_lines(answer: str, bundle: Bundle) -> list[str]:
         if column is None and title not in scalars:
             known = [str(each.key) for each in bundle.columns] + scalars
             raise InputError(f"inputs = {title!r} is no column; {nearest(title, known, 'columns there:')}")
-        stated = column.unit if column is not None else (unit_in_name(title) or ("",))[0]
+        key, unit = (
+            (title, (unit_in_name(title) or ("",))[0]) if column is None else (column.key, column.unit)
+        )
         name = re.sub(r"\W+", "_", re.sub(r"[\[({].*", "", title)).strip("_")
-        key = title if column is None else column.key
-        lines += toml_pairs({name: {"column": key, "unit": WARM.get(stated, stated) or "1"}})
+        lines += toml_pairs({name: {"column": key, "unit": WARM.get(unit, unit) or "1"}})
     return ["", "[inputs]", *lines] if lines else []

@@ -187,10 +187,10 @@ def joints_table(result: Batch) -> TextTable:
             for term in result.common
         },
     }
-    declared = {"serial": "serial", "°C": "temperature"}
-    empty = {name for name, key in declared.items() if not any(record.joint.get(key) for record in records)}
-    shown = {name: cell for name, cell in columns.items() if name not in empty}
-    return tabulate("joints", "All joints", range(len(records)), shown, text=("joint",))
+    for name, key in {"serial": "serial", "°C": "temperature"}.items():
+        if not any(record.joint.get(key) for record in records):
+            del columns[name]
+    return tabulate("joints", "All joints", range(len(records)), columns, text=("joint",))
 
 
 def scatter_table(result: Batch) -> TextTable:
@@ -242,13 +242,8 @@ def trends_table(result: Batch) -> TextTable:
 def headline(result: Batch) -> str:
     """Return how many campaigns there are and how they ended."""
     counts = {"without": result.none, "broken": result.broken, "of them done before": result.kept}
-    parts = [f"{count} {words}" for words, count in counts.items() if count]
-    return ", ".join(
-        [
-            f"{len(result.records)} campaign{'s' * (len(result.records) != 1)}: {result.found} with a model",
-            *parts,
-        ]
-    )
+    many = f"{len(result.records)} campaign{'s' * (len(result.records) != 1)}: {result.found} with a model"
+    return ", ".join([many, *(f"{count} {words}" for words, count in counts.items() if count)])
 
 
 def _trust(result: Batch) -> Trust:
@@ -284,7 +279,7 @@ def _trust(result: Batch) -> Trust:
         if name in where
     ]
     again = ("test the next joint, and run this command again", "see whether it is like these")
-    return Trust(lights, ((*broken[:1], *odd[:1]) or (again,)))
+    return Trust(lights, (*broken[:1], *odd[:1]) or (again,))
 
 
 def _link(record: CampaignRecord, folder: Path | None) -> str:
@@ -308,10 +303,7 @@ def _page(result: Batch, data: Batch, show: Blocks) -> Page:
         "Coefficients of the common terms with one standard error; residual and noise floor as shares of the RMS "
         f"load.{marked}"
     )
-    joints = show.table(
-        replace(joints_table(result), title=title), [_link(r, show.folder) for r in result.records]
-    )
-    courses = (show.pictures("trends"), show.tables(trends_table(result))) if trends else ()
+    links = [_link(record, show.folder) for record in result.records]
     return Page(
         headline(result),
         "Batch of campaigns",
@@ -326,9 +318,15 @@ def _page(result: Batch, data: Batch, show: Blocks) -> Page:
                 "Differences",
                 show.items(differ or [sentence(_trust(result).lights[-1].sentence)]),
             ),
-            section("joints", "All joints", "Joints", show.pictures("joints"), joints),
+            section(
+                "joints",
+                "All joints",
+                "Joints",
+                show.pictures("joints"),
+                show.table(replace(joints_table(result), title=title), links),
+            ),
             section("scatter", "How the joints scatter", "Scatter", show.tables(scatter_table(result))),
-            section("trends", "Trends", "Trends", *courses),
+            section("trends", "Trends", "Trends", show.pictures("trends"), show.tables(trends_table(result))),
         ),
     )
 

@@ -78,24 +78,28 @@ def _trust(result: Change) -> Trust:
     unsure = [shift.symbol for shift in result.shifts if shift.answer == "cannot tell"]
     alone = [shift.symbol for shift in result.shifts if shift.answer == "not compared"]
     beyond = f"{100 * result.margin:.3g} %"
-    lights = (
-        doubt("data", "; ".join(result.warnings), "nothing stands against either of the tests"),
-        doubt(
-            "alike",
-            f"only one of the tests has {list_some(alone, 'terms')}" * bool(alone),
-            "both tests have the same terms",
+    return Trust(
+        (
+            doubt("data", "; ".join(result.warnings), "nothing stands against either of the tests"),
+            doubt(
+                "alike",
+                f"only one of the tests has {list_some(alone, 'terms')}" * bool(alone),
+                "both tests have the same terms",
+            ),
+            doubt(
+                "resolved",
+                f"a change of more than {beyond} is not ruled out for {list_some(unsure, 'terms')}"
+                * bool(unsure),
+                f"a change of {beyond} of any coefficient would be seen",
+            ),
         ),
-        doubt(
-            "resolved",
-            f"a change of more than {beyond} is not ruled out for {list_some(unsure, 'terms')}"
-            * bool(unsure),
-            f"a change of {beyond} of any coefficient would be seen",
+        (
+            *[("record longer, or at more levels", f"rule out changes of more than {beyond}")] * bool(unsure),
+            ("sindyjoint diagnose CAMPAIGN", "see what the later test shows that the earlier model lacks")
+            if result.changed
+            else ("test the joint again after further use", "see whether that stays so"),
         ),
     )
-    further = ("record longer, or at more levels", f"rule out changes of more than {beyond}")
-    lacking = ("sindyjoint diagnose CAMPAIGN", "see what the later test shows that the earlier model lacks")
-    again = ("test the joint again after further use", "see whether that stays so")
-    return Trust(lights, (*[further] * bool(unsure), lacking if result.changed else again))
 
 
 def _page(result: Change, data: Change, show: Blocks) -> Page:
@@ -103,7 +107,6 @@ def _page(result: Change, data: Change, show: Blocks) -> Page:
     before, after = result.names
     which = f"Before: {before}; after: {after}. " if result.names != ("before", "after") else ""
     badge, word = ("refuted", "changed") if result.changed else ("confirmed", "no change")
-    blocks = (show.pictures("shifts"), show.tables(coefficients_table(result)))
     return Page(
         f"{data.after.joint.name}: before and after",
         "Before and after",
@@ -114,7 +117,15 @@ def _page(result: Change, data: Change, show: Blocks) -> Page:
             show.paragraph(which.strip(), "reason"),
         ),
         (),
-        (section("coefficients", "Coefficients", "Coefficients", *blocks),),
+        (
+            section(
+                "coefficients",
+                "Coefficients",
+                "Coefficients",
+                show.pictures("shifts"),
+                show.tables(coefficients_table(result)),
+            ),
+        ),
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
-from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
+from sindyjoint.record import Campaign, Motion
 from sindyjoint.reporting.figure import MOST_PANELS, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.registry import view_of_type
@@ -66,11 +66,6 @@ class Mark:
     starts: Array
     ends: Array
 
-    @property
-    def words(self) -> str:
-        """Its id as it is written."""
-        return self.id.replace("_", " ")
-
 
 @dataclass(frozen=True, eq=False)
 class CheckedRun:
@@ -99,7 +94,7 @@ def gather_check(check: Check[Any]) -> CheckData:
     segments = int(np.clip(30_000 // max(sum(len(run.channels) for run in check.recorded), 1), 60, 450))
     return CheckData(
         check.name,
-        check.motion,
+        check.words.motion,
         check.soundness.verdict,
         tuple(_gather_run(check, run, segments) for run in check.recorded),
     )
@@ -107,20 +102,15 @@ def gather_check(check: Check[Any]) -> CheckData:
 
 def _gather_run(check: Check[Any], run: Record, segments: int) -> CheckedRun:
     units = check.words.units if check.words.structure else {}
-    extremes = {name: find_extremes(signal, segments) for name, signal in run.channels.items()}
     traces = (
-        Trace(name, places / run.sample_rate, run.channels[name][places], units.get(name, ""))
-        for name, places in extremes.items()
+        Trace(name, places / run.sample_rate, signal[places], units.get(name, ""))
+        for name, signal in run.channels.items()
+        for places in [find_extremes(signal, segments)]
     )
     marks = (
-        Mark(
-            each.id,
-            each.severity,
-            each.channel,
-            *_widen(np.divide(each.spans, run.sample_rate), run.duration),
-        )
-        for each in check.soundness.findings
-        if each.run == run.name
+        Mark(f.id, f.severity, f.channel, *_widen(np.divide(f.spans, run.sample_rate), run.duration))
+        for f in check.soundness.findings
+        if f.run == run.name
     )
     return CheckedRun(run.name, run.duration, tuple(traces), tuple(marks), run.quasi_static)
 
@@ -154,15 +144,7 @@ def _widen(spans: Array, duration: float) -> tuple[Array, Array]:
 
 def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> None:
     """Draw the channels of a run one above the other, each over its range, and mark what was found."""
-    words, q = words_of(data.motion), quantities(data.motion)
-    units = {
-        "moment": q.moment_unit,
-        "angle": q.angle_unit,
-        "rate": q.rate_unit,
-        "acceleration": f"{q.rate_unit}/s",
-        MEASURED_ANGLE: q.angle_unit,
-        MEASURED_RATE: q.rate_unit,
-    }
+    words = words_of(data.motion)
     colours = {"stops": ACCENT, "biases": PALETTE[4], "note": PALETTE[5]}
     base = {trace.channel: -index * (ROW + GAP) for index, trace in enumerate(run.traces)}
     bottom = min(base.values())
@@ -176,7 +158,7 @@ def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> None:
     for trace in run.traces:
         least, most, at = float(trace.values.min()), float(trace.values.max()), base[trace.channel]
         ax.plot(trace.time, at + (trace.values - least) / ((most - least) or 1.0), color=INK, lw=0.5)
-        factor, unit = prefixed(max(abs(least), abs(most)), trace.unit or units[trace.channel])
+        factor, unit = prefixed(max(abs(least), abs(most)), trace.unit or words.unit(trace.channel))
         name = trace.channel if trace.unit else words.of(trace.channel)
         ticks |= {at: f"{least * factor:.3g}", at + 0.5: f"{name} ({unit})", at + ROW: f"{most * factor:.3g}"}
     _label_marks(run, ax, base)
@@ -191,9 +173,8 @@ def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> None:
 
 def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
     """Name the findings: where they begin, or at the right where they are of the run as a whole."""
-    whole = [mark.words for mark in run.marks if not mark.starts.size]
-    if whole:
-        ax.set_title(", ".join(dict.fromkeys(whole)), loc="right", color=MUTED)
+    whole = dict.fromkeys(spelled(mark.id) for mark in run.marks if not mark.starts.size)
+    ax.set_title(", ".join(whole), loc="right", color=MUTED)
     used: dict[float, float] = {}
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8}
     for mark in sorted((m for m in run.marks if m.starts.size), key=lambda m: m.starts[0]):
@@ -201,17 +182,16 @@ def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
         # One after the other where they begin close together.
         at = max(float(mark.starts[0]), used.get(top, 0.0))
         if at < 0.9 * run.duration:
-            used[top] = at + 0.014 * run.duration * (len(mark.words) + 1)
+            used[top] = at + 0.014 * run.duration * (len(mark.id) + 1)
         side = "left" if at < 0.85 * run.duration else "right"
-        ax.text(at, top + 0.03, mark.words, va="bottom", ha=side, fontsize=6.5, color=INK, bbox=box)
+        ax.text(at, top + 0.03, spelled(mark.id), va="bottom", ha=side, fontsize=6.5, color=INK, bbox=box)
 
 
 def kinds_of_check(data: CheckData) -> dict[str, Kind]:
     """Return the figures of a check: as many as its runs take."""
     figures = [_kind_of(data, start, MOST_PANELS) for start in range(0, max(len(data.runs), 1), MOST_PANELS)]
     # A page shows them by and by; one picture of all is what a person wants of a folder.
-    together = replace(_kind_of(data, 0, 24), name=TOGETHER, part=True, columns=2)
-    return by_name(*figures, together)
+    return by_name(*figures, replace(_kind_of(data, 0, 24), name=TOGETHER, part=True, columns=2))
 
 
 def _kind_of(data: CheckData, start: int, count: int) -> Kind:
@@ -246,8 +226,9 @@ def _check_of(result: Any) -> Check[Any]:
 
 def _tables(result: Any) -> tuple[TextTable, ...]:
     """Return the findings, their channels in the words of the joint's kind of motion."""
-    label, findings = _check_of(result).words.label, _check_of(result).soundness.findings
-    return (findings_table([replace(f, channel=f.channel and label(f.channel)) for f in findings]),)
+    check = _check_of(result)
+    found = [replace(f, channel=f.channel and check.words.label(f.channel)) for f in check.soundness.findings]
+    return (findings_table(found),)
 
 
 def _page(result: Any, data: CheckData, show: Blocks) -> Page:

@@ -47,13 +47,12 @@ def _best_first(choices: Sequence[Choice]) -> list[Choice]:
 
 def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
     """Return a row for each term, and for what a search was not given; a column for each choice, best first."""
-    whole = {
+    name, title = {
         "method": ("methods", "Methods against terms"),
         "frequency": ("frequencies", "Each single frequency against terms"),
         "library": ("libraries", "Libraries against terms"),
         "friction law": ("friction-laws", "Laws of friction under the load"),
-    }
-    name, title = whole.get(by, (f"{by}s", f"Each single {by} against terms"))
+    }.get(by, (f"{by}s", f"Each single {by} against terms"))
     choices = _best_first(choices)
     held = [t for t in result.shown_ids if t in result.reference or any(choice[t] for choice in choices)]
     rows = [
@@ -74,7 +73,6 @@ def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) 
 def coefficients_table(result: Comparison) -> TextTable:
     """List each term of the model: inclusion, value and interval."""
     share = dict(zip(result.ids, result.inclusion, strict=True))
-
     return tabulate(
         "coefficients",
         "Coefficients",
@@ -129,18 +127,15 @@ def folds_table(result: Comparison) -> TextTable:
         for kind, validation in result.left_out.items()
         for fold in validation.folds
     ]
-    single = set(result.left_out) == {"time"}
     kinds = " or ".join(
-        kind if kind in ("frequency", "level") else f"level of {kind}" for kind in result.left_out
+        kind if kind in ("frequency", "level", "run") else f"level of {kind}" for kind in result.left_out
     )
-    apart = (
-        "one run"
-        if set(result.left_out) == {"run"}
-        else f"the runs of one {kinds}".replace("level of run", "run")
+    apart = {"time": "one part of the run", "run": "one run"}.get(
+        "".join(result.left_out), f"the runs of one {kinds}"
     )
     return TextTable(
         "left-out",
-        "Without one part of the run" if single else f"Without {apart}",
+        f"Without {apart}",
         ("left out", f"error of its {quantities(result.motion).moment.lower()}", "terms found"),
         tuple(rows),
     )
@@ -152,11 +147,13 @@ def choices_table(result: Comparison) -> TextTable:
     load, given = quantities(result.motion).moment.lower(), result.given
     further: list[tuple[str, ...]] = []
     if given is not None:
-        held = DASH if given.seen else _percent(given.residual)
-        left = _percent(given.response), _percent(given.residual)
+        left = _percent(given.residual)
         further.append(
-            ("given model", "", str(len(given.terms)), held, *left, _listed(given.elements, result.motion))
-        )
+            (
+                "given model", "", str(len(given.terms)), DASH if given.seen else left, _percent(given.response), left,
+                _listed(given.elements, result.motion),
+            )
+        )  # fmt: skip
     floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
     further.append(("noise floor", *[""] * 4, floor, ""))
     choices = [(by, choice) for by, choices in result.groups.items() for choice in _best_first(choices)]
@@ -180,12 +177,16 @@ def choices_table(result: Comparison) -> TextTable:
 
 def given_model_table(given: GivenModel, motion: str) -> TextTable:
     """Return a model that was there before, beside the others."""
-    rows = (
-        ("terms", _listed(given.terms, motion)),
-        ("elements", _listed(given.elements, motion)),
-        ("its numbers were fitted to this campaign", "yes" if given.seen else "no"),
+    return TextTable(
+        "given-model",
+        "The given model",
+        ("", "given model"),
+        (
+            ("terms", _listed(given.terms, motion)),
+            ("elements", _listed(given.elements, motion)),
+            ("its numbers were fitted to this campaign", "yes" if given.seen else "no"),
+        ),
     )
-    return TextTable("given-model", "The given model", ("", "given model"), rows)
 
 
 def _listed(ids: Sequence[str], motion: str) -> str:
@@ -279,13 +280,11 @@ def _tables(result: Comparison) -> tuple[TextTable, ...]:
 def _page(result: Comparison, data: Comparison, show: Blocks) -> Page:
     """Return how far all agree, which terms are chosen by what, and every table."""
     model = None if result.discovery is None else result.discovery.model
-    load = quantities(result.motion).moment.lower()
     about = (
-        f"Sorted by the error of the {load} that was left out, with its standard error. Model by "
-        f"{result.methods[0].name}: {result.model.reason}."
+        f"Sorted by the error of the {quantities(result.motion).moment.lower()} that was left out, with its standard "
+        f"error. Model by {result.methods[0].name}: {result.model.reason}."
     )
     answers = [f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests]
-    above = {"choices": show.paragraph(about, "reason")}
     below = {
         "choices": (show.pictures("inclusion"),),
         "frequency-dependence": (show.items(answers), show.pictures("dependence")),
@@ -295,7 +294,7 @@ def _page(result: Comparison, data: Comparison, show: Blocks) -> Page:
             table.name,
             table.title,
             table.name.replace("-", " ").capitalize(),
-            above.get(table.name, ""),
+            show.paragraph(about, "reason") if table.name == "choices" else "",
             show.table(table),
             *below.get(table.name, ()),
         )
@@ -348,10 +347,9 @@ def _files(result: Comparison, data: Comparison) -> dict[str, str]:
 
 def _about(result: Comparison) -> str:
     """Return the joint, and how much is compared."""
-    simulated = " (simulated)" if result.simulated else ""
     plural = {"method": "methods", "library": "libraries", result.parts: result.several}
     many = [f"{len(each)} {plural.get(by, f'{by}s')}" for by, each in result.groups.items() if each]
-    return f"{escape(result.joint)}{simulated}: terms by {', '.join(many)}"
+    return f"{escape(result.joint)}{' (simulated)' * result.simulated}: terms by {', '.join(many)}"
 
 
 def _printed(result: Comparison, console: Console) -> list[Any]:

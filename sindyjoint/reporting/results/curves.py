@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from sindyjoint.reporting.page import Blocks, Page, Section, capital, section
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, Axes, amount, shortened
 from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, escape, tabulate
 from sindyjoint.reporting.view import View
-from sindyjoint.substructure.forced import ForcedResponse, StructureCurves
+from sindyjoint.substructure.forced import StructureCurves
 from sindyjoint.substructure.joint_curves import MEASURES, JointCurves
 from sindyjoint.substructure.modes import ModeCurve
 from sindyjoint.text import quantities
@@ -41,17 +42,24 @@ def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> None
         look, x, y = cycled(place), curve.amplitude, getattr(curve, measure)
         low, high = curve.interval95(measure)
         curves.append((x, (np.maximum(low, 1e-3 * y), high), {"color": look["color"], **BAND}))
-        dotted = {"color": look["color"], "ls": (0, (1, 2)), "lw": 0.9}
         curves += _parts(
-            x, y, (curve.tested, look | {"label": f"{curve.frequency:.3g} Hz"}), (~curve.tested, dotted)
+            x,
+            y,
+            (curve.tested, look | {"label": f"{curve.frequency:.3g} Hz"}),
+            (~curve.tested, {"color": look["color"], "ls": (0, (1, 2)), "lw": 0.9}),
         )
-    up_to = {"color": INK, "lw": 0.7, "ls": (0, (4, 2)), "label": "tested up to"}
+    first, beside = data.curves[0], measure == "secant"
     storage = {"color": MUTED, "lw": 0.8, "ls": DASHES[2], "label": "storage stiffness"}
-    beside = measure == "secant"
-    curves.append((data.tested_angle or None, None, up_to))
-    curves += [(data.curves[0].amplitude, data.curves[0].storage, storage)] * beside
+    curves += [
+        (
+            data.tested_angle or None,
+            None,
+            {"color": INK, "lw": 0.7, "ls": (0, (4, 2)), "label": "tested up to"},
+        ),
+        *[(first.amplitude, first.storage, storage)] * beside,
+    ]
     across = scaled(
-        f"{quantities(data.motion).angle} amplitude", data.tested_angle or data.curves[0].amplitude[-1], angle
+        f"{quantities(data.motion).angle} amplitude", data.tested_angle or first.amplitude[-1], angle
     )
     up = scaled(name, [float(np.max(getattr(curve, measure))) for curve in data.curves], unit)
     plot(ax, across, up, curves, columns=2, xscale="log", yscale="linear" if beside else "log")
@@ -78,16 +86,18 @@ def over_frequency(data: StructureCurves, ax: Axes, receptance: bool) -> None:
             (~stable, look | {"ls": (0, (4, 2)), "lw": 0.9}),
             (stable & ~tested, look | UNTESTED | {"lw": 1.0}),
         )
-    ends = (data.locked[0], 2, "joints locked"), (data.sliding[0], 4, "joints sliding freely")
     if receptance:
-        marks = ((at, {"ls": DASHES[dash], "label": label}) for at, dash, label in ends)
-        curves += [(at, None, {"color": MUTED, "lw": 0.7} | look) for at, look in marks]
+        ends = (data.locked[0], 2, "joints locked"), (data.sliding[0], 4, "joints sliding freely")
+        curves += [
+            (at, None, {"color": MUTED, "lw": 0.7, "ls": DASHES[dash], "label": label})
+            for at, dash, label in ends
+        ]
     else:
         seen = np.concatenate([level.amplitude for level in data.levels])
         near = {m: (m.amplitude >= 0.5 * seen.min()) & (m.amplitude <= 2 * seen.max()) for m in data.modes}
-        backbone = {"color": INK, "lw": 1.1, "ls": DASHES[1]}
+        look = {"color": INK, "lw": 1.1, "ls": DASHES[1]}
         curves += [
-            (m.frequency[at], m.amplitude[at], backbone | {"label": f"backbone, mode {m.number}"})
+            (m.frequency[at], m.amplitude[at], look | {"label": f"backbone, mode {m.number}"})
             for m, at in near.items()
             if m.point == data.point and at.any()
         ]
@@ -100,14 +110,15 @@ def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, dampin
     values, errors = percent if damping else (mode.frequency, mode.frequency_error)
     look: Any = {"color": PALETTE[0]}
     half = 1.96 * errors
-    curves: list[Curve] = [(mode.amplitude, (values - half, values + half), look | BAND)] * bool(
-        np.any(errors)
-    )
-    curves += _parts(mode.amplitude, values, (mode.tested, look), (~mode.tested, look | UNTESTED))
-    for place, (name, slip) in enumerate(zip(data.joints, mode.slips, strict=True)):
-        if np.isfinite(slip) and 0 < slip <= mode.amplitude[-1]:
-            mark = {"color": MUTED, "lw": 0.8, "label": f"{shortened(name, 12)} slips"}
-            curves.append((slip, None, mark | {"ls": DASHES[1 + place % (len(DASHES) - 1)]}))
+    curves: list[Curve] = [
+        *[(mode.amplitude, (values - half, values + half), look | BAND)] * bool(np.any(errors)),
+        *_parts(mode.amplitude, values, (mode.tested, look), (~mode.tested, look | UNTESTED)),
+        *(
+            (slip, None, {"color": MUTED, "lw": 0.8, "ls": dashes, "label": f"{shortened(name, 12)} slips"})
+            for name, slip, dashes in zip(data.joints, mode.slips, cycle(DASHES[1:]), strict=False)
+            if np.isfinite(slip) and 0 < slip <= mode.amplitude[-1]
+        ),
+    ]
     what = f"Damping ratio of mode {mode.number} (%)" if damping else f"Frequency of mode {mode.number} (Hz)"
     across = scaled(f"Deflection at {shortened(mode.point, 14)}", mode.amplitude[-1], "m")
     plot(ax, across, what, curves, legend="best", xscale="log", ylim=(0, None) if damping else None)
@@ -168,25 +179,29 @@ def _trust(tested: bool, bands: bool, farthest: str, *, model: bool = True) -> T
 
     ``farthest`` is the largest amplitude that is drawn; ``model`` says whether one was given.
     """
-    lights = (
-        doubt(
-            "range",
-            "dotted parts lie beyond the amplitudes that were tested" * (not tested),
-            "within the amplitudes that were tested",
+    return Trust(
+        (
+            doubt(
+                "range",
+                "dotted parts lie beyond the amplitudes that were tested" * (not tested),
+                "within the amplitudes that were tested",
+            ),
+            doubt(
+                "intervals",
+                "the model holds no standard errors: the curves have no bands" * (not bands),
+                "the 95 % bands follow from the standard errors of the coefficients",
+            ),
         ),
-        doubt(
-            "intervals",
-            "the model holds no standard errors: the curves have no bands" * (not bands),
-            "the 95 % bands follow from the standard errors of the coefficients",
+        (
+            *[(f"record runs of up to {farthest}", "have what is dotted tested as well")] * (not tested),
+            ("sindyjoint export MODEL --to python --out joint", EXPORT[1])
+            if model
+            else (
+                "sindyjoint discover --out results",
+                "find the law of a joint, here of a virtual test, and draw these curves with it: --model results",
+            ),
         ),
     )
-    record = (f"record runs of up to {farthest}", "have what is dotted tested as well")
-    at_hand = ("sindyjoint export MODEL --to python --out joint", EXPORT[1])
-    own = (
-        "sindyjoint discover --out results",
-        "find the law of a joint, here of a virtual test, and draw these curves with it: --model results",
-    )
-    return Trust(lights, (*[record] * (not tested), at_hand if model else own))
 
 
 def _joint_tables(result: JointCurves) -> tuple[TextTable, ...]:
@@ -266,8 +281,9 @@ def _structure_tables(result: StructureCurves) -> tuple[TextTable, ...]:
     )
 
 
-def _page(result: Any, show: Blocks, about: Sequence[str], reason: str, *parts: Section) -> Page:
-    title, kicker, said = about
+def _page(
+    result: Any, show: Blocks, title: str, kicker: str, said: str, reason: str, *parts: Section
+) -> Page:
     found = show.verdict(capital(said)), show.paragraph(reason, "reason")
     return Page(
         f"{result.name}: {title}", kicker, result.name, "", found, (show.warnings(result.warnings),), parts
@@ -277,26 +293,28 @@ def _page(result: Any, show: Blocks, about: Sequence[str], reason: str, *parts: 
 def _joint_page(result: JointCurves, data: JointCurves, show: Blocks) -> Page:
     """Return how far stiffness and loss change, and all of it."""
     blocks = show.pictures("stiffness", "loss", "energy"), show.tables(*_joint_tables(result))
-    part = section("curves", "Stiffness and loss", "Stiffness and loss", *blocks)
-    about = "stiffness and loss over amplitude", "A joint over its amplitude", joint_headline(result)
-    return _page(result, show, about, f"Of the model {result.equation}.", part)
+    return _page(
+        result,
+        show,
+        "stiffness and loss over amplitude",
+        "A joint over its amplitude",
+        joint_headline(result),
+        f"Of the model {result.equation}.",
+        section("curves", "Stiffness and loss", "Stiffness and loss", *blocks),
+    )
 
 
 def _structure_page(result: StructureCurves, data: StructureCurves, show: Blocks) -> Page:
     """Return how far the first mode changes, responses and modes."""
     levels, modes = map(show.tables, _structure_tables(result))
-    how = f"The force acts at {result.at}; up to {result.harmonics} harmonics; sticking is exact."
-    about = (
-        "response and modes over amplitude",
-        "A structure over frequency and amplitude",
-        structure_headline(result),
-    )
     pictures = show.pictures("response", "receptance"), show.pictures("backbone", "damping")
     return _page(
         result,
         show,
-        about,
-        how,
+        "response and modes over amplitude",
+        "A structure over frequency and amplitude",
+        structure_headline(result),
+        f"The force acts at {result.at}; up to {result.harmonics} harmonics; sticking is exact.",
         section("levels", "Frequency response", "Frequency response", pictures[0], levels),
         section("modes", "Modes over amplitude", "Modes over amplitude", pictures[1], modes),
     )
@@ -334,19 +352,18 @@ def _structure_files(result: StructureCurves, data: StructureCurves) -> dict[str
     """Return response and modes as tables, SI units; edges are points of the 95 % band's two edges."""
     quantity = "angle_rad" if result.motion == "rotation" else "elongation_m"
     names = [f"{joint}_{quantity}" for joint in result.joints]
-
-    def edge(level: ForcedResponse, name: str, side: int) -> dict[str, Any]:
-        ends = f"{name}95_frequency_Hz", f"{name}95_amplitude_m"
-        return dict(zip(ends, level.band95(side), strict=True))
-
+    edges = {
+        f"{end}95_{of}": (side, at)
+        for end, side in (("low", -1), ("high", 1))
+        for at, of in enumerate(("frequency_Hz", "amplitude_m"))
+    }
     responses = [
         {
             "force_N": np.full(level.frequency.size, level.force),
             "frequency_Hz": level.frequency,
             "amplitude_m": level.amplitude,
             "phase_deg": np.degrees(level.phase),
-            **edge(level, "low", -1),
-            **edge(level, "high", 1),
+            **{name: level.band95(side)[at] for name, (side, at) in edges.items()},
             **dict(zip(names, level.angle, strict=True)),
             "stable": level.stable.astype(int),
             "tested": level.tested.astype(int),
@@ -368,16 +385,6 @@ def _structure_files(result: StructureCurves, data: StructureCurves) -> dict[str
         for mode in result.modes
     ]
     return {"response.csv": _stacked(responses), "modes.csv": _stacked(modes)}
-
-
-def _structure_details(result: StructureCurves) -> Iterator[str]:
-    """Yield the number of points of each curve."""
-    yield from (
-        f"mode {m.number}: {m.amplitude.size} amplitudes, {m.harmonics} harmonics" for m in result.modes
-    )
-    yield from (
-        f"{f.force:g} N: {f.frequency.size} frequencies, {f.harmonics} harmonics" for f in result.levels
-    )
 
 
 def joint_headline(result: JointCurves) -> str:
@@ -439,5 +446,9 @@ STRUCTURE_CURVES = View(
     tables=_structure_tables,
     page=_structure_page,
     files=_structure_files,
-    details=_structure_details,
+    # The number of points of each curve.
+    details=lambda result: (
+        *(f"mode {m.number}: {m.amplitude.size} amplitudes, {m.harmonics} harmonics" for m in result.modes),
+        *(f"{f.force:g} N: {f.frequency.size} frequencies, {f.harmonics} harmonics" for f in result.levels),
+    ),
 )

@@ -38,13 +38,17 @@ def _tables(result: Diagnosis) -> tuple[TextTable, ...]:
     columns = (
         "Step", f"{quantities(motion).moment} gap", "Response gap", "Probability", "Indistinguishable from",
     )  # fmt: skip
-    caption = "Gap between model and measurement, relative RMS, after each named effect."
     parameters = [(step, name, value) for step in result.steps for name, value in step.parameters.items()]
     # Of a free motion no moment is measured; without an effect none has a probability.
     told = [said for said in zip(columns, *_step_rows(result), strict=True) if {*said[1:]} - {"", DASH}]
     columns, *rows = zip(*told, strict=True)
     return (
-        TextTable("steps", caption, columns, tuple(rows)),
+        TextTable(
+            "steps",
+            "Gap between model and measurement, relative RMS, after each named effect.",
+            columns,
+            tuple(rows),
+        ),
         tabulate(
             "parameters",
             "Parameters of the effects, SI.",
@@ -64,14 +68,13 @@ def _tables(result: Diagnosis) -> tuple[TextTable, ...]:
 
 def _rows(result: Diagnosis) -> list[dict[str, Any]]:
     """Return the gaps of the model alone, after each step, and of the noise, as shares."""
-    rows = [
-        ("model alone", result.initial, np.nan),
-        *((step.effect, step.gap_after, step.probability) for step in result.steps),
-        ("noise floor", result.noise_floor, np.nan),
-    ]
     return [
         {"step": name, "moment_gap": gap.moment, "response_gap": gap.response, "probability": probability}
-        for name, gap, probability in rows
+        for name, gap, probability in (
+            ("model alone", result.initial, np.nan),
+            *((step.effect, step.gap_after, step.probability) for step in result.steps),
+            ("noise floor", result.noise_floor, np.nan),
+        )
     ]
 
 
@@ -191,19 +194,19 @@ def _step_rows(result: Diagnosis) -> tuple[tuple[str, ...], ...]:
     for group in reported_together(result.steps):
         for step in group:
             others = ", ".join(spelled(member, motion) for member in step.members if member != step.effect)
-            named = (
-                f"+ {spelled(step.effect, motion)}{' (helps only with the next)' * (step is not group[-1])}"
-            )
-            gap = _gap(step.gap_after) if step is group[-1] else (DASH, DASH)
+            early = step is not group[-1]
+            named = f"+ {spelled(step.effect, motion)}{' (helps only with the next)' * early}"
+            gap = (DASH, DASH) if early else _gap(step.gap_after)
             rows.append((named, *gap, f"{step.probability:.2f}", others or DASH))
     floor, first, unsure = result.noise_floor, result.initial, result.uncertainty
     pairs = (floor.moment, first.moment), (floor.response, first.response)
     # A floor that could not be measured is unknown, where there is a gap beside it.
     shown = (percent(x) if np.isfinite(x) else "unknown" if np.isfinite(gap) else DASH for x, gap in pairs)
     rows.append(("noise floor", *shown, "", ""))
-    left = [percent(x) if x else DASH for x in (unsure.moment, unsure.response)]
-    told = ("uncertainty of numbers and drive", *left, "", "")
-    return (*rows, *[told] * bool(unsure.moment or unsure.response))
+    if unsure.moment or unsure.response:
+        left = (percent(x) if x else DASH for x in (unsure.moment, unsure.response))
+        rows.append(("uncertainty of numbers and drive", *left, "", ""))
+    return tuple(rows)
 
 
 def _gap(gap: Gap) -> tuple[str, str]:

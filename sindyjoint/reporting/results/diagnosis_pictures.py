@@ -60,8 +60,8 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> None:
     low, thick = 0.5 * min(known) if far else 0.0, 0.8 / max(len(shares), 1)
     for index, (name, values) in enumerate(shares.items()):
         rows = np.arange(values.size) + (index - 0.5 * (len(shares) - 1)) * thick
-        look: Any = {"color": PALETTE[index], "label": f"{called[name]} gap"}
-        ax.barh(rows, values - low, left=low, height=0.9 * thick, **look)
+        look: Any = {"color": PALETTE[index]}
+        ax.barh(rows, values - low, left=low, height=0.9 * thick, label=f"{called[name]} gap", **look)
         for row, value in zip(rows, values, strict=True):
             if np.isfinite(value):
                 # Behind a floor that would run through its words.
@@ -71,8 +71,7 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> None:
             below = "" if floors[name] in known else ", below the axis"
             label = f"noise floor of the {called[name]}, {percent(floors[name] / 100)}{below}"
             # No further than the bars: the legend stands above them.
-            look = {"color": PALETTE[index], "ls": DASHES[1], "label": label}
-            ax.plot([floors[name]] * 2, [-0.5, len(gaps) - 0.5], **look)
+            ax.plot([floors[name]] * 2, [-0.5, len(gaps) - 0.5], ls=DASHES[1], label=label, **look)
     ax.set(
         xscale="log" if far else "linear", xlim=(low, (2.5 if far else 1.25) * max(known)), yticks=range(len(gaps)),
         yticklabels=["model alone", *labels], ylim=(len(gaps) - 0.5, -0.5), xlabel="relative RMS (%)",
@@ -112,9 +111,11 @@ def where(result: Diagnosis, ax: Axes) -> None:
 
 def maps(result: Diagnosis) -> list[Panel]:
     """Return the maps of the residual before and, where effects were added, after."""
-    before = partial(_map, runs=result.before, title="Residual of the model alone", scale=not result.after)
-    after = partial(_map, runs=result.after, title="Residual with the effects, same colours", scale=True)
-    return [*[before] * bool(result.before), *[after] * bool(result.after)]
+    both = (
+        (result.before, "Residual of the model alone"),
+        (result.after, "Residual with the effects, same colours"),
+    )
+    return [partial(_map, runs=runs, title=title) for runs, title in both if runs]
 
 
 def overlays(result: Diagnosis) -> list[Panel]:
@@ -126,9 +127,9 @@ def overlays(result: Diagnosis) -> list[Panel]:
     ]
 
 
-def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> None:
-    """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before."""
-    label = "mean of measured less model ({})" if scale else ""
+def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str) -> None:
+    """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before, the last has their scale."""
+    label = "mean of measured less model ({})" if runs is (result.after or result.before) else ""
     moment_cells(ax, _mean_residual(runs), result.model, title, label, _mean_residual(result.before))
 
 
@@ -153,8 +154,8 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
     curves = [
         (before, before.measured, MEASURED | {"lw": 2.4, "alpha": 0.45}),
         (before, before.model, BEFORE | {"label": "model alone"}),
+        *([] if after is None else [(after, after.model, AFTER | {"label": "with the effects"})]),
     ]
-    curves += [] if after is None else [(after, after.model, AFTER | {"label": "with the effects"})]
     _drawn(result, ax, moment_scale(result.model.joint.motion, before.measured, name), curves)
 
 
@@ -178,12 +179,9 @@ def _drawn(
     for one, values, look in runs:
         unnamed = {name: value for name, value in look.items() if name != "label"}
         curves += [(x, y, unnamed) for x, y in _pieces(one, values)] + [([], [], look)]
-    time = time_label(result.model.fitted.quasi_static, motion)
     where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
-    plot(
-        ax, across if run.frequency > 0 else time, up, curves, where if run.repeats else run.run,
-        columns=1 if behind else 2,
-    )  # fmt: skip
+    along = across if run.frequency > 0 else time_label(result.model.fitted.quasi_static, motion)
+    plot(ax, along, up, curves, where if run.repeats else run.run, columns=1 if behind else 2)
 
 
 def _pieces(run: RunGap, values: Array) -> list[tuple[Array, Array]]:
@@ -273,11 +271,13 @@ def overlay(record: RecordGap, ax: Axes) -> None:
     """Draw the measured displacement and, over it, the residuals before and after."""
     thin = {"lw": 0.7, "rasterized": record.time.size > 4000}
     residuals = (record.before, PALETTE[1], "of the model alone"), (record.after, INK, "with the effects")
-    curves: list[tuple[Array, Any]] = [(record.measured, MEASURED | thin | {"lw": 0.5, "alpha": 0.35})]
-    curves += [
-        (simulated - record.measured, thin | {"color": color, "label": f"residual {of}"})
-        for simulated, color, of in residuals
-        if simulated is not None
+    curves: list[tuple[Array, Any]] = [
+        (record.measured, MEASURED | thin | {"lw": 0.5, "alpha": 0.35}),
+        *(
+            (simulated - record.measured, thin | {"color": color, "label": f"residual {of}"})
+            for simulated, color, of in residuals
+            if simulated is not None
+        ),
     ]
     _over_time(record, ax, curves, slice(None))
     if record.held_from:
@@ -303,8 +303,9 @@ def envelope(record: RecordGap, ax: Axes) -> None:
     """Draw the envelopes by Hilbert's transform, on a logarithmic scale, with the noise."""
     rate = 1 / (record.time[1] - record.time[0])
     cut = int(rate / main_frequency(record.measured, rate))
-    moving = [(signal, look) for signal, look in _curves_of(record) if np.ptp(signal) > 0]
-    heights = [(hilbert_envelope(signal, rate)[0], look) for signal, look in moving]
+    heights = [
+        (hilbert_envelope(signal, rate)[0], look) for signal, look in _curves_of(record) if np.ptp(signal) > 0
+    ]
     noise = (None, record.noise, {"color": MUTED, "lw": 0.7, "ls": (0, (4, 2)), "label": "noise (RMS)"})
     _over_time(record, ax, heights, slice(cut, -cut), "Envelope", levels=[noise], yscale="log")
 

@@ -105,15 +105,12 @@ def _page(result: Discovery | ReportData, data: ReportData, show: Blocks) -> Pag
     )
     texts = show.copyable(model.equation()), show.copyable(model.latex())
     terms, *over = _tables(data)
-    listed = (show.table(terms), show.folded("The equation as text and LaTeX", texts))
-    empty = (show.paragraph(f"None: {data.selection_reason}."),)
     reasons = [
         f"{row.symbol}: {row.answer} ({row.reason})"
         for each in data.over
         for row in each.coefficients
         if row.answer
     ]
-    path = show.folded("Every model of the path", [show.table(path_table(data))]) if data.path else ""
     candidates = ", ".join(spelled(each, model.joint.motion) for each in data.candidates)
     cells = "virtual test cells" if model.fitted.simulated else "measured cells"
     return Page(
@@ -124,7 +121,14 @@ def _page(result: Discovery | ReportData, data: ReportData, show: Blocks) -> Pag
         (show.equation(markup(mathml(model))) if found or data.paper else none,),
         (show.facts(key_facts(data.model)),),
         (
-            section("terms", "Terms", "Terms", *(listed if found else empty), show.warnings(data.warnings)),
+            section(
+                "terms",
+                "Terms",
+                "Terms",
+                show.table(terms) if found else show.paragraph(f"None: {data.selection_reason}."),
+                show.folded("The equation as text and LaTeX", texts) if found else "",
+                show.warnings(data.warnings),
+            ),
             section(
                 "inputs",
                 "Over the inputs",
@@ -150,7 +154,7 @@ def _page(result: Discovery | ReportData, data: ReportData, show: Blocks) -> Pag
                 "Choice",
                 show.paragraph(sentence(data.selection_reason)),
                 show.pictures("path", "coefficients", "covariance"),
-                path,
+                show.folded("Every model of the path", [show.table(path_table(data))]) if data.path else "",
                 show.folded(f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]),
             ),
             section("runs", "Runs", "Runs", show.table(runs_table(data))),
@@ -164,11 +168,12 @@ def _about(result: Discovery) -> str:
     """Return the joint and its runs, and the question of the paper's terms where that leads."""
     fitted, verdict = result.model.fitted, result.verdict
     frequencies = ", ".join(dict.fromkeys(f"{frequency:.4g}" for frequency in fitted.frequencies))
-    tested = f"{fitted.runs} run(s)" + f" at {frequencies} Hz" * bool(frequencies)
-    moving = f"{fitted.samples} moving samples, {100 * fitted.moving_fraction:.0f} % of all"
     paper = f"\n\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}"
     name = escape(result.model.joint.name + " (simulated)" * fitted.simulated)
-    return f"[bold]{name}[/]: {tested}, {moving}{paper * result.leads_with_paper}"
+    return (
+        f"[bold]{name}[/]: {fitted.runs} run(s){f' at {frequencies} Hz' * bool(frequencies)}, {fitted.samples} moving "
+        f"samples, {100 * fitted.moving_fraction:.0f} % of all{paper * result.leads_with_paper}"
+    )
 
 
 def _printed(result: Discovery, console: Console) -> list[Any]:
@@ -181,13 +186,13 @@ def _printed(result: Discovery, console: Console) -> list[Any]:
         f"\nshare: unique share of the RMS {what}, which no other term can take over",
         *(part for each in over for part in (f"\n[bold]{escape(each.title)}[/]", each)),
     ]
-    # What was tested stands in the first line.
-    facts = (
-        f"{label[:1].lower()}{label[1:]} {value}, {note}" for label, value, note in key_facts(model)[:-2]
-    )
     return [
         *(law if result.found else [f"  no model: {escape(result.reason)}"]),
-        *map(escape, facts),
+        # What was tested stands in the first line.
+        *(
+            escape(f"{label[:1].lower()}{label[1:]} {value}, {note}")
+            for label, value, note in key_facts(model)[:-2]
+        ),
         *([] if result.skew is None else [_delay_words(result.skew, model.joint.motion)]),
         *["\n[bold]What to know before using it[/]"] * bool(result.warnings),
     ]

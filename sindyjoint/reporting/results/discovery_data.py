@@ -163,12 +163,6 @@ def gather(result: Discovery) -> ReportData:
     ]
     ids = result.regressor.evidence_.ids
     surface = map_of_states(states, inertia, MAP_CELLS)
-    residual_map = force_state_map(
-        np.concatenate([state.angle[state.moving] for state in states]),
-        np.concatenate([state.rate[state.moving] for state in states]),
-        np.concatenate([each[state.moving] for state, each in zip(states, residuals, strict=True)]),
-        MAP_CELLS,
-    )
     upper, lower = model_sheets(model, surface)
     return ReportData(
         model=model,
@@ -178,7 +172,12 @@ def gather(result: Discovery) -> ReportData:
         warnings=result.warnings,
         loops=tuple(_summarize_run(model, s, r, inertia) for s, r in zip(states, residuals, strict=True)),
         surface=surface,
-        residual_map=residual_map,
+        residual_map=force_state_map(
+            np.concatenate([state.angle[state.moving] for state in states]),
+            np.concatenate([state.rate[state.moving] for state in states]),
+            np.concatenate([each[state.moving] for state, each in zip(states, residuals, strict=True)]),
+            MAP_CELLS,
+        ),
         upper=upper,
         lower=lower,
         path=tuple(
@@ -218,8 +217,7 @@ def model_sheets(model: JointModel, surface: ForceStateMap) -> tuple[Array, Arra
 
 
 def _summarize_run(model: JointModel, state: ForceStates, residual: Array, inertia: float) -> Loop:
-    shown = _shown(state)
-    kept = residual[state.moving]
+    shown, kept = _shown(state), residual[state.moving]
     centres, rms = _over_time(state, residual)
     return Loop(
         run=state.run,
@@ -295,20 +293,14 @@ def _fit_groups(result: Discovery) -> tuple[GroupFit, ...]:
     return tuple(fits) if found.ids == result.model.ids else ()
 
 
-def run_labels(loops: Sequence[Loop]) -> list[str]:
+def run_labels(loops: Sequence[Loop]) -> dict[str, str]:
     """Return a short label of each run: frequency and level where they tell runs apart, else the name."""
+    frequencies = ["" if loop.frequency is None else f"{loop.frequency:.3g} Hz" for loop in loops]
     labels = [
-        " · ".join(
-            part
-            for part in (
-                f"{loop.frequency:.3g} Hz" if loop.frequency is not None else "",
-                str(loop.level or ""),
-            )
-            if part
-        )
-        for loop in loops
+        " · ".join(filter(None, (frequency, loop.level)))
+        for frequency, loop in zip(frequencies, loops, strict=True)
     ]
-    return [
-        label if label and labels.count(label) == 1 else loop.run
+    return {
+        loop.run: label if label and labels.count(label) == 1 else loop.run
         for label, loop in zip(labels, loops, strict=True)
-    ]
+    }

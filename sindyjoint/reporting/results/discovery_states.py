@@ -69,7 +69,7 @@ def loops_payload(data: ReportData) -> dict[str, Any]:
     x, y = _loop_scales(data)
     # Beyond this many runs each loop is thinned, so that the page of a hundred runs stays small.
     step = max(1, -(-sum(loop.angle.size for loop in data.loops) // 24_000))
-    labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
+    labels = run_labels(data.loops)
     groups = {loop.run: group for group, members in loop_groups(data).items() for loop in members}
     return {
         "x": x.to_dict(),
@@ -155,12 +155,16 @@ def cut_at_zero_rate(data: ReportData, ax: Axes) -> None:
         marks = {"color": color, "ls": "none", "marker": marker, "ms": 3, "label": label}
         curves.append((angle, surface.moment[cells], marks))
         if data.model.terms:
-            curves.append((angle, data.model.moment(angle, surface.rate[cells]), dots | {"ms": 2.5}))
-            curves.append((_nodes(data), sheet, {"color": color, "ls": dashes}))
+            curves += [
+                (angle, data.model.moment(angle, surface.rate[cells]), dots | {"ms": 2.5}),
+                (_nodes(data), sheet, {"color": color, "ls": dashes}),
+            ]
     if data.model.terms:
         _mark_step(data, ax, x, z)
-        curves.append(([], [], dots | {"ms": 4, "label": "model in those cells"}))
-        curves.append(([], [], {"color": MUTED, "label": f"model at {q.rate_symbol} = 0±"}))
+        curves += [
+            ([], [], dots | {"ms": 4, "label": "model in those cells"}),
+            ([], [], {"color": MUTED, "label": f"model at {q.rate_symbol} = 0±"}),
+        ]
     plot(ax, x, z, curves, f"Cut at {q.rate_symbol} = 0")
 
 
@@ -178,8 +182,9 @@ def _mark_step(data: ReportData, ax: Axes, x: Scale, z: Scale) -> None:
     if abs(above - below) < 0.02 * float(np.nanmax(np.abs(data.surface.moment))) * z.factor:
         return
     middle = 0.5 * float(data.surface.angle_edges[0] + data.surface.angle_edges[-1]) * x.factor
-    look = {"arrowstyle": "<->", "color": INK, "linewidth": 0.8}
-    ax.annotate("", (middle, above), (middle, below), arrowprops=look)
+    ax.annotate(
+        "", (middle, above), (middle, below), arrowprops={"arrowstyle": "<->", "color": INK, "linewidth": 0.8}
+    )
     # In the corner, where neither of the two rising curves passes.
     ax.text(0.98, 0.03, f"step {above - below:.3g} {z.unit}", fontsize=7, ha="right", transform=ax.transAxes)
 
@@ -204,8 +209,8 @@ def cut_at_centre(data: ReportData, ax: Axes) -> None:
         curves.append(
             (rates, data.model.moment(np.full_like(rates, angle), rates), {"color": INK, "label": "model"})
         )
-    at = f"{q.angle_symbol} = {centre * x.factor:.3g}" + (f" {x.unit}" if centre else "")
-    plot(ax, y, z, curves, f"Cut at {at}")
+    unit = f" {x.unit}" if centre else ""
+    plot(ax, y, z, curves, f"Cut at {q.angle_symbol} = {centre * x.factor:.3g}{unit}")
 
 
 def map_payload(data: ReportData) -> dict[str, Any]:
@@ -213,7 +218,6 @@ def map_payload(data: ReportData) -> dict[str, Any]:
     x, y, z = _map_scales(data)
     surface, has_model = data.surface, bool(data.model.terms)
     values = [field * z.factor for field in (surface.moment, surface.spread, data.residual_map.moment)]
-    cells = zip(*np.nonzero(surface.filled), strict=True)
     return {
         "axes": [
             x.to_dict() | {"edges": short_numbers(surface.angle_edges * x.factor)},
@@ -222,7 +226,7 @@ def map_payload(data: ReportData) -> dict[str, Any]:
         ],
         "cells": [
             [int(i), int(j), int(surface.count[i, j]), *(short_numbers(field[i, j]) for field in values)]
-            for i, j in cells
+            for i, j in np.argwhere(surface.filled)
         ],
         "upper": short_numbers(data.upper * z.factor) if has_model else [],
         "lower": short_numbers(data.lower * z.factor) if has_model else [],
@@ -245,14 +249,10 @@ def _ramp(name: str) -> list[str]:
 def residual_phase(data: ReportData, ax: Axes) -> None:
     """Draw the mean residual over the phase of the cycle, one line per frequency; gaps where the joint sticks."""
     q = quantities(data.model.joint.motion)
-    folded = {
-        group: [loop.residual_over_phase for loop in members if loop.residual_over_phase.size]
-        for group, members in loop_groups(data).items()
-    }
     lines = {
         group: np.ma.masked_invalid(courses).mean(axis=0).filled(np.nan)
-        for group, courses in folded.items()
-        if courses
+        for group, members in loop_groups(data).items()
+        if (courses := [loop.residual_over_phase for loop in members if loop.residual_over_phase.size])
     }
     if not lines:
         return nothing(ax, "no periodic run: there is no phase to fold on")
@@ -278,14 +278,15 @@ def residual_phase(data: ReportData, ax: Axes) -> None:
 
 def residual_time(data: ReportData, ax: Axes) -> None:
     """Draw the RMS residual in intervals of time, with the noise floor."""
-    labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
-    chosen, fitted = spread(data.loops), data.model.fitted
+    labels, chosen, fitted = run_labels(data.loops), spread(data.loops), data.model.fitted
     motion, floor = data.model.joint.motion, fitted.noise_floor
     curves: list[Curve] = [
-        (loop.time, loop.residual_over_time, cycled(place, label=shortened(labels[loop.run], 18)))
-        for place, loop in enumerate(chosen)
+        *(
+            (loop.time, loop.residual_over_time, cycled(place, label=shortened(labels[loop.run], 18)))
+            for place, loop in enumerate(chosen)
+        ),
+        (None, floor, NOISE_FLOOR),
     ]
-    curves.append((None, floor, NOISE_FLOOR))
     top = _top([loop.residual_over_time for loop in chosen])
     up = scaled("RMS residual", top, quantities(motion).moment_unit)
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"

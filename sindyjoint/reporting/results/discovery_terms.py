@@ -70,14 +70,12 @@ def path(data: ReportData, ax: Axes) -> None:
     fitted, held_out = (
         np.array([getattr(step, n) for step in data.path]) for n in ("residual_rms", "held_out_rms")
     )
-    fit = {"color": PALETTE[0], "marker": "o", "ms": 3, "label": "residual of the fit"}
     left_out = {"color": PALETTE[1], "marker": "s", "ms": 3, "ls": "--", "label": "held-out error"}
-    chosen = None if data.chosen is None else size[data.chosen]
     curves: list[Curve] = [
-        (size, fitted, fit),
+        (size, fitted, {"color": PALETTE[0], "marker": "o", "ms": 3, "label": "residual of the fit"}),
         *[(size, held_out, left_out)] * bool(np.isfinite(held_out).any()),
         (None, data.model.fitted.noise_floor or None, NOISE_FLOOR),
-        (chosen, None, {"color": INK, "lw": 0.8, "ls": ":"}),
+        (None if data.chosen is None else size[data.chosen], None, {"color": INK, "lw": 0.8, "ls": ":"}),
     ]
     up = moment_scale(data.model.joint.motion, fitted, "RMS")
     title = f"Path of models{_chosen_note(data, 'dotted')}"
@@ -114,8 +112,7 @@ def coefficient(data: ReportData, ax: Axes, term: str) -> None:
     """Draw one coefficient for each single frequency, with 95 % intervals, a ±10 % band and the paper's values."""
     index, groups = data.model.ids.index(term), data.groups
     item = data.model.terms[index]
-    values = np.array([group.coefficients[index] for group in groups])
-    errors = np.array([group.standard_errors[index] for group in groups])
+    values, errors = np.array([(g.coefficients[index], g.standard_errors[index]) for g in groups]).T
     published = paper_values(data.model.joint.name, item.id)
     shown = [(i + 0.18, published[g.group]) for i, g in enumerate(groups) if g.group in published]
     factor, unit = scale_of(item.coefficient, item.unit)
@@ -229,25 +226,30 @@ def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> None:
     plot(ax, x, y, curves, legend="none")
     ax.set_title(plain(f"the law over {over.label}\none cycle to the largest {x.name.lower()}"))
     ax.set_ylim(top=1.5 * y.factor * float(np.max(moments)))
-    look: Any = {"frameon": False, "columnspacing": 0.8, "handlelength": 1.4, "handletextpad": 0.4}
-    ax.legend(loc="upper center", ncols=len(moments), **look)
+    ax.legend(
+        loc="upper center", ncols=len(moments), frameon=False, columnspacing=0.8, handlelength=1.4, handletextpad=0.4
+    )  # fmt: skip
 
 
 def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: CoefficientOver) -> None:
     """Draw a coefficient of the law over an input, with its 95 % interval, and the fits to single levels."""
     shown = np.linspace(over.values[0], over.values[-1], 13)
     laws = [_law_at(data, over, float(value)) for value in shown]
-    terms = [
-        (law[row.id].coefficient, law[row.id].standard_error) if row.id in law else (0.0, 0.0) for law in laws
-    ]
-    values, errors = np.array(terms).T
+    values, errors = np.array(
+        [(law[row.id].coefficient, law[row.id].standard_error) if row.id in law else (0, 0) for law in laws]
+    ).T
     factor, unit = scale_of(float(np.abs(values).max()), row.unit)
-    band = tuple(values + side * errors for side in (-1.96, 1.96))
-    bars = {"yerr": 1.96 * np.array(row.level_errors), "fmt": "o", "ms": 3.5, "capsize": 2.5}
+    bars = {
+        "yerr": 1.96 * np.array(row.level_errors), "fmt": "o", "ms": 3.5, "capsize": 2.5, "color": PALETTE[1]
+    }  # fmt: skip
     curves: list[Curve] = [
-        (shown, band, {"color": PALETTE[0], "alpha": 0.25, "lw": 0}),
+        (
+            shown,
+            (values - 1.96 * errors, values + 1.96 * errors),
+            {"color": PALETTE[0], "alpha": 0.25, "lw": 0},
+        ),
         (shown, values, {"color": PALETTE[0]}),
-        *[(row.levels, np.array(row.estimates), bars | {"color": PALETTE[1]})] * bool(row.levels),
+        *[(row.levels, np.array(row.estimates), bars)] * bool(row.levels),
     ]
     axes = Scale(plain(over.label), pretty_unit(over.unit)), Scale(math_symbol(row.symbol), unit, factor)
     plot(ax, *axes, curves, xmargin=0.06, ymargin=0.15)
@@ -255,7 +257,6 @@ def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: Coefficie
 
 
 def _inputs(data: ReportData) -> list[Panel]:
-    laws: list[Panel] = [partial(law_at_values, over=over) for over in data.over if data.model.terms]
     # A coefficient that has something to show over an input.
     told = [
         partial(coefficient_over, over=over, row=row)
@@ -263,7 +264,7 @@ def _inputs(data: ReportData) -> list[Panel]:
         for row in over.coefficients
         if row.levels or len(set(row.values)) > 1
     ]
-    return laws + spread(told)
+    return [*(partial(law_at_values, over=over) for over in data.over if data.model.terms), *spread(told)]
 
 
 _WHOLE = (

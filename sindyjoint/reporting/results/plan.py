@@ -23,6 +23,7 @@ GOALS = {
     "tell-apart": "probability of the true effect",
 }
 DOTS: Any = {"color": PALETTE[0], "marker": "o"}
+CROSSES: Any = {"color": MUTED, "marker": "x", "ls": "none", "ms": 5}
 
 
 def draw_runs(data: Plan, ax: Axes) -> None:
@@ -41,9 +42,10 @@ def draw_runs(data: Plan, ax: Axes) -> None:
             va="center", fontsize=6.5, color=INK,
         )  # fmt: skip
     grid = [run.frequency for run in data.grid_runs], [run.level for run in data.grid_runs]
-    crosses = {"color": MUTED, "marker": "x", "ls": "none", "ms": 5, "label": "plain grid"}
-    named = {**DOTS, "ls": "none", "ms": 4.5, "label": "plan, larger: made more often"}
-    curves = [(*grid, crosses)] * bool(data.grid_runs) + [([], [], named)]
+    curves: list[Curve] = [
+        *[(*grid, {**CROSSES, "label": "plain grid"})] * bool(data.grid_runs),
+        ([], [], {**DOTS, "ls": "none", "ms": 4.5, "label": "plan, larger: made more often"}),
+    ]
     plot(ax, "Frequency (Hz)", up, curves, xmargin=0.16, ymargin=0.1, ylim=(0, None))
 
 
@@ -57,18 +59,16 @@ def _spans(numbers: Sequence[int]) -> str:
 def draw_curve(data: Plan, ax: Axes) -> None:
     """Draw what is made small over the time of the runs, of the plan and of the grid."""
     curves: list[Curve] = []
-    for name, color, marker, label in (
-        ("widest", PALETTE[0], "o", "plan"),
-        ("highest", PALETTE[5], "^", "plan, 95 of 100 tests lie below"),
-        ("grid", MUTED, "x", "grid in the same time"),
+    for name, look in (
+        ("widest", {"color": PALETTE[0], "marker": "o", "label": "plan"}),
+        ("highest", {"color": PALETTE[5], "marker": "^", "label": "plan, 95 of 100 tests lie below"}),
+        ("grid", {"color": MUTED, "marker": "x", "label": "grid in the same time"}),
     ):
         steps = [(s.seconds, 100 * getattr(s, name)) for s in data.curve if np.isfinite(getattr(s, name))]
-        if steps:
-            look = {"color": color, "marker": marker, "ms": 3.5, "label": label}
-            curves.append(([at for at, _ in steps], [value for _, value in steps], look))
+        curves += [(*np.transpose(steps), {**look, "ms": 3.5})] * bool(steps)
     if data.now is not None and np.isfinite(data.now.widest):
-        look = {"color": INK, "marker": "D", "ms": 4, "ls": "none", "label": "now", "clip_on": False}
-        curves.append(([0], [100 * data.now.widest], look))
+        dot = {"color": INK, "marker": "D", "ms": 4, "ls": "none", "label": "now", "clip_on": False}
+        curves.append(([0], [100 * data.now.widest], dot))
     until = None if data.until is None else 100 * data.until
     curves.append((None, until, {"color": PALETTE[1], "ls": "--", "lw": 0.9, "label": "enough"}))
     label = f"{GOALS[data.goal].capitalize()} (%)"
@@ -77,25 +77,26 @@ def draw_curve(data: Plan, ax: Axes) -> None:
 
 def draw_complete(data: Plan, ax: Axes) -> None:
     """Draw the share of the joints of which a discovery takes every term that matters, over the time of the runs."""
-    steps = [step.seconds for step in data.curve], [100 * step.complete for step in data.curve]
-    plot(
-        ax, "Time of all runs (s)", "Joints with every term found (%)", [(*steps, DOTS | {"ms": 3.5})],
-        ylim=(0, 104), xlim=(0, None),
-    )  # fmt: skip
+    curve = [s.seconds for s in data.curve], [100 * s.complete for s in data.curve], DOTS | {"ms": 3.5}
+    label = "Joints with every term found (%)"
+    plot(ax, "Time of all runs (s)", label, [curve], ylim=(0, 104), xlim=(0, None))
 
 
 def draw_separation(data: Plan, ax: Axes) -> None:
     """Draw the probability of the true effect, before and after each run that tells effects apart."""
     assert data.apart is not None
     values = [data.apart.before, *data.apart.after]
-    chance = {"color": MUTED, "ls": "--", "lw": 0.9, "label": "by chance"}
     plot(
         ax,
         "",
         "Probability of the true effect (%)",
         [
             (range(len(values)), [100 * value for value in values], DOTS | {"ms": 4.5}),
-            (None, 100 / len(data.apart.effects), chance),
+            (
+                None,
+                100 / len(data.apart.effects),
+                {"color": MUTED, "ls": "--", "lw": 0.9, "label": "by chance"},
+            ),
         ],
         ylim=(0, 102),
         xlim=(-0.2, len(values) - 0.8),
@@ -107,15 +108,18 @@ def draw_separation(data: Plan, ax: Axes) -> None:
 def draw_widths(data: Plan, ax: Axes) -> None:
     """Draw the relative half-width of each term: median and 90 % band of the plan, and the grid's median."""
     band = {"color": PALETTE[0], "lw": 4, "alpha": 0.35, "solid_capstyle": "butt"}
-    dots = {**DOTS, "ls": "none", "ms": 4.5, "label": "plan, 90 % band"}
-    crosses = {"color": MUTED, "marker": "x", "ls": "none", "ms": 5, "label": "grid"}
     curves: list[Curve] = [
         ([100 * end / abs(each.value) for end in each.band90], [row, row], band)
         for row, each in enumerate(data.predicted)
     ]
-    for known, look in ((data.predicted, dots), (data.grid, crosses)):
-        if known:
-            curves.append(([100 * each.relative for each in known], list(range(len(known))), look))
+    curves += [
+        ([100 * each.relative for each in known], list(range(len(known))), look)
+        for known, look in (
+            (data.predicted, {**DOTS, "ls": "none", "ms": 4.5, "label": "plan, 90 % band"}),
+            (data.grid, {**CROSSES, "label": "grid"}),
+        )
+        if known
+    ]
     plot(
         ax,
         "Half-width of the 95 % interval (% of the coefficient)",
@@ -250,32 +254,39 @@ def _trust(result: Plan) -> Trust:
     """Return what a plan rests on, what its runs will not tell, and what to do with it."""
     apart = result.apart
     unsure = apart is not None and (apart.after or (apart.before,))[-1] < apart.enough
-    lights = (
-        doubt(
-            "joint",
-            "known from before: what is expected holds for joints in that range" * (result.now is None),
-            "as the runs of the campaign show it",
+    return Trust(
+        (
+            doubt(
+                "joint",
+                "known from before: what is expected holds for joints in that range" * (result.now is None),
+                "as the runs of the campaign show it",
+            ),
+            doubt(
+                "determined",
+                undetermined_words(result),
+                "every coefficient is expected to stand clear of zero",
+            ),
+            *[Light("apart", "fair", "the effects stay less sure than was asked for")] * unsure,
+            *[Light("limits", "fair", "; ".join(result.warnings))] * bool(result.warnings),
         ),
-        doubt(
-            "determined", undetermined_words(result), "every coefficient is expected to stand clear of zero"
+        (
+            (
+                "sindyjoint simulate --plan RESULTS --out virtual",
+                "try these runs on a simulated joint before the bench",
+            ),
+            ("make the runs in their order", "have a campaign to discover the joint’s law from"),
+        )
+        if result.runs
+        else (
+            ("sindyjoint discover CAMPAIGN --out results", "find the law that the runs determine already"),
         ),
-        *[Light("apart", "fair", "the effects stay less sure than was asked for")] * unsure,
-        *[Light("limits", "fair", "; ".join(result.warnings))] * bool(result.warnings),
     )
-    try_it = (
-        "sindyjoint simulate --plan RESULTS --out virtual",
-        "try these runs on a simulated joint before the bench",
-    )
-    none = ("sindyjoint discover CAMPAIGN --out results", "find the law that the runs determine already")
-    make = ("make the runs in their order", "have a campaign to discover the joint’s law from")
-    return Trust(lights, (try_it, make) if result.runs else (none,))
 
 
 def _page(result: Plan, data: Plan, show: Blocks) -> Page:
     """Return what the plan promises, its runs, and what they are expected to tell."""
     runs, widths = _tables(result)
     files = markup("The same in <code>{}</code>; <code>drive-*.csv</code> hold what is prescribed over time.")
-    listed = show.tables(runs), show.paragraph(files.format(PLAN_NAME))
     reason = f"{sentence(result.stop)} {sentence(undetermined_words(result))}".rstrip()
     name = data.model.joint.name
     return Page(
@@ -290,7 +301,8 @@ def _page(result: Plan, data: Plan, show: Blocks) -> Page:
                 "runs",
                 "The runs",
                 "Runs",
-                *(listed if runs.rows else (show.paragraph("None."),)),
+                show.tables(runs),
+                show.paragraph(files.format(PLAN_NAME) if runs.rows else "None."),
                 show.pictures("runs", "curve", "apart"),
             ),
             section(

@@ -51,10 +51,14 @@ def gather(result: RigMotion) -> RigFigures:
     """Return no more samples than a picture shows."""
     response = result.response
     step = -(-response.time.size // KEPT_SAMPLES)
-    displacement = {name: values[::step] for name, values in response.displacement.items()}
-    angle, locked = response.angle[:, ::step], response.stuck.mean(axis=1)
     return RigFigures(
-        result.rig.name, response.time[::step], displacement, response.joints, angle, locked, result.heat
+        result.rig.name,
+        response.time[::step],
+        {name: values[::step] for name, values in response.displacement.items()},
+        response.joints,
+        response.angle[:, ::step],
+        response.stuck.mean(axis=1),
+        result.heat,
     )
 
 
@@ -66,18 +70,27 @@ def over_time(result: RigFigures, ax: Axes, name: str, unit: str) -> None:
         (result.time, values, cycled(place, lw=0.8, label=shortened(called, 18)))
         for place, (called, values) in enumerate(signals.items())
     ]
-    title = result.name if unit == "m" else ""
-    plot(ax, "Time (s)", scaled(name, largest, unit), curves, title, columns=2)
+    plot(ax, "Time (s)", scaled(name, largest, unit), curves, result.name * (unit == "m"), columns=2)
 
 
 def shares(result: RigFigures, ax: Axes, of: str) -> None:
     """Draw who dissipates how much of what became heat, or how long each joint is locked."""
     total = sum(result.heat.values()) or 1.0
-    locked = dict(zip(result.joints, result.locked.tolist(), strict=True))
-    known = {name: value / total for name, value in result.heat.items()} if of == "heat" else locked
-    label = "Share of what became heat, %" if of == "heat" else "Share of the time locked, %"
+    known, label, colour = (
+        (
+            {name: value / total for name, value in result.heat.items()},
+            "Share of what became heat, %",
+            PALETTE[0],
+        )
+        if of == "heat"
+        else (
+            dict(zip(result.joints, result.locked.tolist(), strict=True)),
+            "Share of the time locked, %",
+            MUTED,
+        )
+    )
     names, values = [plain(shortened(name, 18)) for name in known], [100 * each for each in known.values()]
-    bars(ax, names, values, 115, label, PALETTE[0] if of == "heat" else MUTED, "{:.1f}")
+    bars(ax, names, values, 115, label, colour, "{:.1f}")
 
 
 KINDS = by_name(
@@ -113,33 +126,31 @@ KINDS = by_name(
 def _tables(result: RigMotion) -> tuple[TextTable, ...]:
     """Return the frequencies of the modes, and what each joint and the beams did."""
     total, beams = sum(result.heat.values()) or 1.0, result.response.beam_dissipation
-    modes = enumerate(zip(result.slipping, result.locked, strict=False), 1)
-    joints = tabulate(
-        "joints",
-        "From the pulse to the end of the simulation.",
-        result.joints,
-        {
-            "Joint": lambda joint: joint.name,
-            "Largest angle": lambda joint: amount(joint.peak_angle, "rad"),
-            "Locked": lambda joint: f"{100 * joint.locked_share:.1f} %",
-            "Slips until": lambda joint: f"{joint.last_slip:.2f} s",
-            "Dissipated": lambda joint: amount(joint.dissipated, "J"),
-            "Share": lambda joint: f"{100 * (joint.dissipated / total):.1f} %",
-        },
-        [("beams", *["–"] * 3, amount(beams, "J"), f"{100 * (beams / total):.1f} %")],
-    )
     return (
         tabulate(
             "modes",
             "With the joints' stiffness at standstill, and with locked joints.",
-            modes,
+            enumerate(zip(result.slipping, result.locked, strict=False), 1),
             {
                 "Mode": lambda mode: str(mode[0]),
                 "Joints slip": lambda mode: f"{mode[1][0]:.3f} Hz",
                 "Joints locked": lambda mode: f"{mode[1][1]:.3f} Hz",
             },
         ),
-        joints,
+        tabulate(
+            "joints",
+            "From the pulse to the end of the simulation.",
+            result.joints,
+            {
+                "Joint": lambda joint: joint.name,
+                "Largest angle": lambda joint: amount(joint.peak_angle, "rad"),
+                "Locked": lambda joint: f"{100 * joint.locked_share:.1f} %",
+                "Slips until": lambda joint: f"{joint.last_slip:.2f} s",
+                "Dissipated": lambda joint: amount(joint.dissipated, "J"),
+                "Share": lambda joint: f"{100 * (joint.dissipated / total):.1f} %",
+            },
+            [("beams", *["–"] * 3, amount(beams, "J"), f"{100 * (beams / total):.1f} %")],
+        ),
     )
 
 

@@ -65,9 +65,14 @@ def worth(data: StructureFigures, ax: Axes) -> None:
 
 
 def _loop(loop: RecoveredLoop, ax: Axes) -> None:
-    recovered = {"color": PALETTE[0], "label": "recovered"}
-    found = {"color": ACCENT, "ls": "none", "marker": ".", "ms": 2, "label": "found law, moving"}
-    curves: list[Curve] = [(1e3 * loop.angle, loop.moment, recovered), (1e3 * loop.angle, loop.law, found)]
+    curves: list[Curve] = [
+        (1e3 * loop.angle, loop.moment, {"color": PALETTE[0], "label": "recovered"}),
+        (
+            1e3 * loop.angle,
+            loop.law,
+            {"color": ACCENT, "ls": "none", "marker": ".", "ms": 2, "label": "found law, moving"},
+        ),
+    ]
     plot(
         ax, "Angle (mrad)", "Moment (N·m)", curves[: 1 + bool(np.isfinite(loop.law).any())],
         f"{loop.joint}, {loop.run}", legend="upper left",
@@ -112,17 +117,19 @@ def gather(result: RigDiscovery) -> StructureFigures:
 
 def _tables(result: RigDiscovery) -> tuple[TextTable, ...]:
     """Return the terms of every law, how each joint is shown, and the structure's numbers."""
-    models = {law.kind: law.discovery.model for law in result.laws if law.discovery is not None}
-    terms = {kind: model_table(model).take(*TERMS) for kind, model in models.items()}
     update = result.update
     known = () if update is None else (update.names, update.prior, update.change, update.standard_error)
-    how = "Standard errors of the strongest harmonic, of the run that shows the joint best."
-    rows = tuple((kind, *row) for kind, table in terms.items() for row in table.rows)
+    rows = tuple(
+        (law.kind, *row)
+        for law in result.laws
+        if law.discovery is not None
+        for row in model_table(law.discovery.model).take(*TERMS).rows
+    )
     return (
         TextTable("terms", "Terms by kind of joint", ("Kind", *TERMS), rows, text=("Unit",)),
         tabulate(
             "joints",
-            how,
+            "Standard errors of the strongest harmonic, of the run that shows the joint best.",
             result.seen,
             {
                 "Joint": lambda one: one.joint,
@@ -160,7 +167,6 @@ def _page(result: RigDiscovery, data: StructureFigures, show: Blocks) -> Page:
         "The joints are cut open; their moments are unknown inputs of the linear rest, and follow from the sensors "
         "at each harmonic by least squares weighted with their noise. "
     )
-    recovered = show.paragraph(how + _misfit(result)), joints, show.pictures("worth"), numbers
     return Page(
         f"{data.rig}: the law of its joints",
         "Joints inside a structure",
@@ -170,18 +176,25 @@ def _page(result: RigDiscovery, data: StructureFigures, show: Blocks) -> Page:
         (show.warnings(_warnings(result)),),
         (
             section("laws", "Laws", "Laws", terms, show.pictures("recovered")),
-            section("recovery", "Recovery", "Recovery", *recovered),
+            section(
+                "recovery",
+                "Recovery",
+                "Recovery",
+                show.paragraph(how + _misfit(result)),
+                joints,
+                show.pictures("worth"),
+                numbers,
+            ),
         ),
     )
 
 
 def _about(result: RigDiscovery) -> str:
     """Return how many runs, sensors and joints there are."""
-    simulated = " (simulated)" if result.simulated else ""
-    many = (
-        f"{len(result.recoveries)} run(s), {len(result.test.sensors)} sensor(s), {len(result.seen)} joint(s)"
+    return (
+        f"[bold]{escape(result.test.name)}{' (simulated)' * result.simulated}[/]: {len(result.recoveries)} run(s), "
+        f"{len(result.test.sensors)} sensor(s), {len(result.seen)} joint(s)"
     )
-    return f"[bold]{escape(result.test.name)}{simulated}[/]: {many}"
 
 
 def _printed(result: RigDiscovery, console: Console) -> Iterator[Any]:

@@ -23,7 +23,7 @@ from sindyjoint.reporting.figure import (
 )
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, Axes, plain, prefixed, pretty_unit, shortened
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, Axes, amount, plain, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
     Console,
@@ -84,13 +84,13 @@ def response(run: RunVerification, ax: Axes, zoom: bool = False) -> None:
     """Draw measured and simulated response over time; zoomed, only the first cycles."""
     kept = slice(_first_cycles(run) if zoom else None)
     time = run.time[kept]
-    band = {"color": PALETTE[1], "alpha": 0.35, "lw": 0, "rasterized": time.size > 4000}
     curves: list[Curve] = [(time, run.measured[kept], MEASURED | {"lw": 1.6})]
     if run.simulated is not None:
         curves.append((time, run.simulated[kept], SIMULATED | {"lw": 0.8, "ls": (0, (4, 1.5))}))
     if run.band is not None:
+        look = {"color": PALETTE[1], "alpha": 0.35, "lw": 0, "label": "95 % of the model"}
         ends = run.band.low[kept], run.band.high[kept]
-        curves.append((time, ends, band | {"label": "95 % of the model"}))
+        curves.append((time, ends, look | {"rasterized": time.size > 4000}))
     title, legend = ("", "above") if zoom else (run.name, "none")
     plot(ax, _time(run), _scale(run), curves, title, legend=legend, columns=2)
 
@@ -170,9 +170,8 @@ def error(run: RunVerification, ax: Axes) -> None:
     """Draw the residual, simulation less measurement."""
     assert run.simulated is not None
     residual = run.simulated - run.measured
-    look = {"color": MUTED, "lw": 0.4, "rasterized": residual.size > 4000}
-    up = scaled("Simulated − measured", residual, UNITS[run.channel])
-    plot(ax, _time(run), up, [(run.time, residual, look)])
+    curve = run.time, residual, {"color": MUTED, "lw": 0.4, "rasterized": residual.size > 4000}
+    plot(ax, _time(run), scaled("Simulated − measured", residual, UNITS[run.channel]), [curve])
 
 
 def energy(run: RunVerification, ax: Axes) -> None:
@@ -251,24 +250,20 @@ def in_its_unit(run: RunVerification) -> str:
     """Return the RMS error of a run in the unit of its channel, with a prefix."""
     if run.rmse is None:
         return DASH
-    whole = 1.0, pretty_unit(run.rmse_unit)
-    factor, unit = prefixed(run.rmse, run.rmse_unit) if run.rmse_unit in PREFIXED else whole
-    return f"{short_number(run.rmse * factor)} {unit}".rstrip()
+    if run.rmse_unit in PREFIXED:
+        return amount(run.rmse, run.rmse_unit, 4)
+    return f"{short_number(run.rmse)} {pretty_unit(run.rmse_unit)}".rstrip()
 
 
 def _tables(result: Verification) -> tuple[TextTable, ...]:
     """Return the runs and the models' terms."""
     load = quantities(result.model.joint.motion).moment
-    virtual = VERIFICATION.simulated(result)
-    caption = in_words_of_origin(virtual, "Errors relative to the RMS of what was measured.")
-    others = (
-        replace(model_table(model), name=f"terms-{place}", title=f"Coefficients of {model.joint.name}.")
-        for place, model in enumerate(result.beside, 2)
-    )
     return (
         tabulate(
             "runs",
-            caption,
+            in_words_of_origin(
+                VERIFICATION.simulated(result), "Errors relative to the RMS of what was measured."
+            ),
             result.runs,
             {
                 "Run": lambda run: run.name,
@@ -283,7 +278,10 @@ def _tables(result: Verification) -> tuple[TextTable, ...]:
             },
         ),
         model_table(result.model),
-        *others,
+        *(
+            replace(model_table(model), name=f"terms-{place}", title=f"Coefficients of {model.joint.name}.")
+            for place, model in enumerate(result.beside, 2)
+        ),
     )
 
 
@@ -306,15 +304,16 @@ def _page(
     if len(result.runs) > 1:
         caption = f"Worst of the runs: {caption[:1].lower()}{caption[1:]}"
     said = f"The model {'gives the measured' if passed else 'misses the'} response."
-    badge = "confirmed" if passed else "refuted"
     facts = [
-        (f"{load} error", result.moment_nrmse, percent, "relative RMS"),
-        ("Amplitude", result.amplitude_rms_error, percent, "RMS difference, of the first amplitude"),
-        ("Period", result.mean_period_difference, milliseconds, "mean difference"),
+        (name, shown(value), of)
+        for name, value, shown, of in (
+            (f"{load} error", result.moment_nrmse, percent, "relative RMS"),
+            ("Amplitude", result.amplitude_rms_error, percent, "RMS difference, of the first amplitude"),
+            ("Period", result.mean_period_difference, milliseconds, "mean difference"),
+        )
+        if value is not None
     ]
-    known = [(name, shown(value), of) for name, value, shown, of in facts if value is not None]
     runs, *others = tables(result)
-    failures = [f"{run.name}: {run.failure}." for run in result.runs if run.failure]
     seen = "virtual test" if virtual else "measured"
     return Page(
         f"{result.model.joint.name} against {result.subject}",
@@ -322,12 +321,20 @@ def _page(
         result.model.joint.name,
         show.hero("cycles", errors.index(max(errors)), caption),
         (
-            show.verdict(in_words_of_origin(virtual, said), badge, result.verdict),
+            show.verdict(
+                in_words_of_origin(virtual, said), "confirmed" if passed else "refuted", result.verdict
+            ),
             *(show.equation(markup(mathml(model))) for model in (result.model, *result.beside)),
         ),
-        (show.facts(known), show.warnings(_warnings(result))),
+        (show.facts(facts), show.warnings(_warnings(result))),
         (
-            section("runs", "Runs", "Runs", show.table(runs), show.items(failures)),
+            section(
+                "runs",
+                "Runs",
+                "Runs",
+                show.table(runs),
+                show.items([f"{run.name}: {run.failure}." for run in result.runs if run.failure]),
+            ),
             section(
                 "response",
                 f"Simulated over {'the virtual test' if virtual else 'measured'}",

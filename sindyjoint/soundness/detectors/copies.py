@@ -45,15 +45,14 @@ def repeated_blocks(values: Array) -> list[Block]:
 
 def find_blocks(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield blocks that occur twice within a run, or in two runs; which channels they are of tells what happened."""
-    names = dict.fromkeys(name for r in records for name in r.channels)
     shared: dict[tuple[int, int], dict[str, list[Block]]] = {}
-    for name in names:
+    for name in dict.fromkeys(name for r in records for name in r.channels):
         some = [(i, c) for i, r in enumerate(records) if (c := r.channel(name)) is not None and _tells(c)]
         edges = np.cumsum([0, *(c.values.size for _, c in some)])
         for a, b, length in repeated_blocks(np.concatenate([c.values for _, c in some])) if some else ():
             i, j = (int(np.searchsorted(edges, at, side="right")) - 1 for at in (a, b))
-            block = (a - int(edges[i]), b - int(edges[j]), length)
-            shared.setdefault((some[i][0], some[j][0]), {}).setdefault(name, []).append(block)
+            blocks = shared.setdefault((some[i][0], some[j][0]), {}).setdefault(name, [])
+            blocks.append((a - int(edges[i]), b - int(edges[j]), length))
     for (i, j), found in shared.items():
         yield from (
             _within(records[i], found, words) if i == j else _between(records[i], records[j], found, words)
@@ -136,22 +135,26 @@ def find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             gain = _gain_of_copy(one.values, two.values)
             if gain is None and not np.array_equal(one.values, two.values):
                 continue
-            times = "" if gain is None else f" times {gain:.4g}, noise included"
             yield Finding(
                 "duplicate_channel",
                 record.name,
                 two.name,
                 "stops",
-                f"the {words.of(two.name)} is the {words.of(one.name)}{times}",
+                f"the {words.of(two.name)} is the {words.of(one.name)}"
+                + ("" if gain is None else f" times {gain:.4g}, noise included"),
                 "one sensor stands for two places: what is recovered moves both alike, which the structure does not",
                 "put in the column that was meant, or leave that sensor out",
             )
     for before, after in combinations(loud, 2):
-        # A motion without noise was prescribed, and is proportional in any two runs.
-        some = [(c, after.channel(c.name)) for c in before.alive if c.name != "rate" and c.noise != 0]
-        for one, other in some:
-            gain = None if other is None else _gain_of_copy(one.values, other.values)
-            if gain is not None:
+        for one in before.alive:
+            other = after.channel(one.name)
+            # A motion without noise was prescribed, and is proportional in any two runs.
+            if (
+                other is not None
+                and one.name != "rate"
+                and one.noise != 0
+                and (gain := _gain_of_copy(one.values, other.values)) is not None
+            ):
                 yield words.finding(
                     "scaled_copy",
                     after.name,

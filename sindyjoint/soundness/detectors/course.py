@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,13 +112,22 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
     quiet, some = np.logical_and.reduce(still), np.logical_or.reduce(still)
     alive, moving = np.flatnonzero(~quiet), np.flatnonzero(~some)
     first, last = int(alive[0]), int(alive[-1]) + 1
-    # Of a single period the excitation may be a part.
-    if first > 1:
-        yield _end_finding(record, "dead_start", first, (0, record.at(first + 1)), words)
-    if quiet.size - last > 1:
-        yield _end_finding(
-            record, "dead_tail", quiet.size - last, (record.at(last - 1), record.n_samples), words
-        )
+    for kind, which, count, begin, end in (
+        ("dead_start", "first", first, 0, record.at(first + 1)),
+        ("dead_tail", "last", quiet.size - last, record.at(last - 1), record.n_samples),
+    ):
+        # Of a single period the excitation may be a part; that in which it begins or ends is left out, too.
+        if count > 1:
+            yield words.finding(
+                kind,
+                record.name,
+                None,
+                "biases",
+                f"no excitation in the {which} {count} periods ({(end - begin) / record.sample_rate:.3g} s)",
+                "those samples are left out; cut the file there",
+                ((begin, end),),
+                True,
+            )
     if not moving.size:
         return
     first, last = int(moving[0]), int(moving[-1]) + 1
@@ -136,25 +146,11 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
     yield from found
     if not found and not words.structure:
         for name in lines:
-            mean = periods[name].mean[first:last] / size[name]
-            yield from _find_zero_changes(record, name, mean, (first, size[name]), words)
+            yield from _find_zero_changes(
+                record, name, periods[name].mean[first:last] / size[name], (first, size[name]), words
+            )
         yield from _find_clock_drift(record, lines, words) if "moment" in lines else ()
     yield from _find_frequency(record, lines[clock], words)
-
-
-def _end_finding(record: Record, kind: str, periods: int, span: tuple[int, int], words: Words) -> Finding:
-    """Return the finding; the period in which the excitation begins or ends belongs to it."""
-    return words.finding(
-        kind,
-        record.name,
-        None,
-        "biases",
-        f"no excitation in the {'first' if kind == 'dead_start' else 'last'} {periods} periods "
-        f"({(span[1] - span[0]) / record.sample_rate:.3g} s)",
-        "those samples are left out; cut the file there",
-        (span,),
-        True,
-    )
 
 
 def _place(record: Record, period: int) -> tuple[float, Spans]:
@@ -174,14 +170,11 @@ def _find_phase_steps(record: Record, lines: Lines, first: int, words: Words) ->
     per = record.samples_per_period / record.order
     least = max(SOUNDNESS.tolerated, 2 * np.pi / per)  # no less than a sample
     clock = record.driven_by
-
     apart = {n: np.unwrap(np.angle(z * np.conj(lines[clock]))) for n, z in lines.items() if n != clock}
-    steps = {name: step_of(series, least) for name, series in apart.items()}
-    slipped: dict[str | None, Step] = {name: found for name, found in steps.items() if found is not None}
+    slipped = _steps_of(apart, least)
     if not slipped:
-        found = step_of(np.unwrap(np.angle(lines[clock])), least)
-        slipped = {} if found is None else {None: found}
-    elif len(slipped) > max(1, len(steps) / 2):
+        slipped = _steps_of({None: np.unwrap(np.angle(lines[clock]))}, least)
+    elif len(slipped) > max(1, len(apart) / 2):
         slipped = {clock: max(slipped.values(), key=lambda found: found.contrast)}
     else:
         # While one channel slips the others go on; where a start-up dies away all of them turn.
@@ -194,19 +187,24 @@ def _find_phase_steps(record: Record, lines: Lines, first: int, words: Words) ->
     return [_phase_finding(record, name, found, first, words) for name, found in slipped.items()]
 
 
+def _steps_of(series: Mapping[Any, Array], least: float = SOUNDNESS.tolerated) -> dict[Any, Step]:
+    """Return the steps of those of some series that have one."""
+    return {name: found for name, each in series.items() if (found := step_of(each, least)) is not None}
+
+
 def _phase_finding(record: Record, channel: str | None, step: Step, first: int, words: Words) -> Finding:
     """Return the finding of a channel that slipped, or (None) of samples that all channels lost."""
     seconds, spans = _place(record, first + step.period)
     samples = abs(step.size) / (2 * np.pi) * record.samples_per_period / record.order
     size = f"jumps by {np.degrees(step.size):+.3g}° at {seconds:.3g} s"
     if channel is None:
-        which = "missing" if step.size > 0 else "inserted"
         return words.finding(
             "lost_samples",
             record.name,
             "time",
             "biases",
-            f"the phase of all channels {size}, as if {samples:.3g} samples were {which}",
+            f"the phase of all channels {size}, as if {samples:.3g} samples were "
+            f"{'missing' if step.size > 0 else 'inserted'}",
             "make two runs of it, cut there; look at the buffer of the recorder",
             spans,
         )
@@ -226,7 +224,7 @@ def _phase_finding(record: Record, channel: str | None, step: Step, first: int, 
 def _find_level_steps(record: Record, lines: Lines, first: int, words: Words) -> Iterator[Finding]:
     """Yield a level that changes, or the gain of one channel."""
     height = {name: np.abs(line) for name, line in lines.items()}
-    steps = {name: step for name, h in height.items() if (step := step_of(h)) is not None}
+    steps = _steps_of(height)
     if not steps:
         return
     name = max(steps, key=lambda n: steps[n].contrast)
@@ -238,15 +236,23 @@ def _find_level_steps(record: Record, lines: Lines, first: int, words: Words) ->
         # Where the few samples of a period fall on a friction step, its amplitude beats.
         return
     seconds, spans = _place(record, first + steps[name].period)
-    said = f"the {words.of(name)} changes by the factor {changed[name]:.3g} at {seconds:.3g} s"
-    if alone:
+    yield words.finding(
+        "gain_changes" if alone else "level_changes",
+        record.name,
+        name if alone else None,
         # A joint whose stiffness jumps looks the same: that is for the fit to find, and no reason to stop.
-        extent = f"{said}, the other channels change by {100 * others:.2g} % at most"
-        remedy = "look at the range of the amplifier; cut the run there, and correct one part if it was that"
-        yield words.finding("gain_changes", record.name, name, "biases", extent, remedy, spans)
-        return
-    extent, remedy = f"{said}, and other channels with it", "make two runs of it, cut there"
-    yield words.finding("level_changes", record.name, None, "biases", extent, remedy, spans)
+        "biases",
+        f"the {words.of(name)} changes by the factor {changed[name]:.3g} at {seconds:.3g} s, "
+        + (
+            f"the other channels change by {100 * others:.2g} % at most"
+            if alone
+            else "and other channels with it"
+        ),
+        "look at the range of the amplifier; cut the run there, and correct one part if it was that"
+        if alone
+        else "make two runs of it, cut there",
+        spans,
+    )
 
 
 def _find_zero_changes(
@@ -260,9 +266,15 @@ def _find_zero_changes(
     size = f"by {moved * amplitude:.3g} {words.unit(name)} ({100 * abs(moved):.2g} % of its amplitude)"
     if step is not None:
         seconds, spans = _place(record, first + step.period)
-        extent = f"the zero of the {words.of(name)} jumps {size} at {seconds:.3g} s"
-        remedy = "make two runs of it, cut there; look for a loose clamp"
-        yield words.finding("zero_jumps", record.name, name, "biases", extent, remedy, spans)
+        yield words.finding(
+            "zero_jumps",
+            record.name,
+            name,
+            "biases",
+            f"the zero of the {words.of(name)} jumps {size} at {seconds:.3g} s",
+            "make two runs of it, cut there; look for a loose clamp",
+            spans,
+        )
     elif slope is not None:
         extent = f"the zero of the {words.of(name)} drifts {size} over the run"
         remedy = "let the amplifiers warm up, or remove a straight line from the channel before"
@@ -281,11 +293,14 @@ def _find_clock_drift(record: Record, lines: Lines, words: Words) -> Iterator[Fi
         return
     total = slope * apart.size
     delay = 1e3 * total / (2 * np.pi) * record.samples_per_period / record.sample_rate
-    extent = (
-        f"the phase between the channels drifts by {np.degrees(total):+.3g}° over the run, {delay:+.3g} ms"
+    yield words.finding(
+        "clock_drift",
+        record.name,
+        "time",
+        "biases",
+        f"the phase between the channels drifts by {np.degrees(total):+.3g}° over the run, {delay:+.3g} ms",
+        "record both channels with one clock, or cut the run into short ones",
     )
-    remedy = "record both channels with one clock, or cut the run into short ones"
-    yield words.finding("clock_drift", record.name, "time", "biases", extent, remedy)
 
 
 def _find_frequency(record: Record, clock: NDArray[np.complex128], words: Words) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ from sindyjoint.limits import SOUNDNESS
 from sindyjoint.measurement.sensors import disagreement
 from sindyjoint.numeric import Array, line_spectrum
 from sindyjoint.record import Campaign
-from sindyjoint.soundness import Finding, Severity, Words
+from sindyjoint.soundness import Finding, Words
 from sindyjoint.soundness.detectors import Channel, Record
 from sindyjoint.trust import PLACES
 
@@ -28,17 +28,13 @@ def find_unit_mismatches(records: Sequence[Record], words: Words) -> Iterator[Fi
             if ratio is None:
                 continue
             factor = f"makes every value {1 / ratio:.4g} times what it is" if ratio else "is no such quantity"
-            effect = words.effect("unit_mismatch", unit.channel)
-            if unit.channel == "time":
-                effect = "all frequencies are wrong by that factor, c1 too, and the inertia by its square"
-            yield Finding(
+            yield words.finding(
                 "unit_mismatch",
                 record.name,
                 unit.channel,
                 "stops",
                 f"column {unit.column!r} is declared in {unit.unit!r}, the file states {unit.stated!r}: "
                 f"that {factor}",
-                effect,
                 f"declare unit = {unit.stated!r} for the {words.of(unit.channel)}, or correct the file",
             )
 
@@ -80,8 +76,7 @@ def find_guesses(campaign: Campaign) -> Iterator[Finding]:
     """Yield what was guessed of channels, units and rates, and is not settled."""
     if campaign.guessed:
         settled = "".join(f" --set {shlex.quote(each.replace(' = ', '=', 1))}" for each in campaign.guessed)
-        places = PLACES.get()
-        folder = shlex.quote(places.subject) if places else "CAMPAIGN"
+        folder = shlex.quote(places.subject) if (places := PLACES.get()) else "CAMPAIGN"
         yield Finding(
             "unsettled_guess",
             None,
@@ -96,19 +91,18 @@ def find_guesses(campaign: Campaign) -> Iterator[Finding]:
 
 def find_other_sensors(campaign: Campaign, words: Words) -> Iterator[Finding]:
     """Yield columns that measure what a channel does, move otherwise, and are used nowhere."""
-    sources = (run.source for run in campaign.runs if run.source is not None)
-    found = {(u.channel, u.column, other) for source in sources for u in source.units for other in u.beside}
-    for channel, column, other in sorted(found):
-        remedy = (
-            f"is it of the other body, write minus = {other!r} in the channel's line, else minus = 'none'"
+    units = (unit for run in campaign.runs if run.source is not None for unit in run.source.units)
+    for channel, column, other in sorted({(u.channel, u.column, other) for u in units for other in u.beside}):
+        yield words.finding(
+            "other_sensor",
+            None,
+            channel,
+            "note" if channel == "moment" else "biases",
+            f"column {other!r} is not used; it shows the {words.of(channel)} too, and not as {column!r} does",
+            "make sure that the one that is used acts on the joint"
+            if channel == "moment"
+            else f"is it of the other body, write minus = {other!r} in the channel's line, else minus = 'none'",
         )
-        if channel == "moment":
-            remedy = "make sure that the one that is used acts on the joint"
-        extent = (
-            f"column {other!r} is not used; it shows the {words.of(channel)} too, and not as {column!r} does"
-        )
-        severity: Severity = "note" if channel == "moment" else "biases"
-        yield words.finding("other_sensor", None, channel, severity, extent, remedy)
 
 
 def find_sizes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
@@ -182,23 +176,28 @@ def find_disagreement(record: Record, words: Words) -> Iterator[Finding]:
     late = phase > SOUNDNESS.small_share and abs(delay) > SOUNDNESS.outstanding * delay_error
     if not (apart or late):
         return
-    factor = f"the acceleration is {gain:.4g} ± {gain_error:.2g} times that of the {words.of('angle')}"
-    when = f"it comes {1e3 * abs(delay):.3g} ms {'later' if delay > 0 else 'earlier'}"
-    remedies = (
-        "check unit, gain, sign and place of both sensors",
-        f"declare delay = '{1e3 * delay:.3g} ms' of the acceleration",
-    )
-    wrong = (
-        "k1, k3 and c1 are wrong by a part of that factor" if apart else "c1 takes a part of the stiffness"
-    )
+    said = [
+        (
+            f"the acceleration is {gain:.4g} ± {gain_error:.2g} times that of the {words.of('angle')}",
+            "k1, k3 and c1 are wrong by a part of that factor",
+            "check unit, gain, sign and place of both sensors",
+        )
+    ] * apart + [
+        (
+            f"it comes {1e3 * abs(delay):.3g} ms {'later' if delay > 0 else 'earlier'}",
+            "c1 takes a part of the stiffness",
+            f"declare delay = '{1e3 * delay:.3g} ms' of the acceleration",
+        )
+    ] * late
+    extents, wrong, remedies = zip(*said, strict=True)
     yield Finding(
         "sensors_disagree",
         record.name,
         "acceleration",
         "stops" if abs(gain - 1) > SOUNDNESS.unknown else "biases",
-        ", ".join([factor] * apart + [when] * late),
-        f"low frequencies follow one sensor and high ones the other: {wrong}",
-        "; ".join([remedies[0]] * apart + [remedies[1]] * late),
+        ", ".join(extents),
+        f"low frequencies follow one sensor and high ones the other: {wrong[0]}",
+        "; ".join(remedies),
     )
 
 
@@ -236,15 +235,19 @@ def find_coverage(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     some = alike.sum() >= SOUNDNESS.fewest and alike.mean() > SOUNDNESS.mostly
     for record in records if some else ():
         if record.duration < SOUNDNESS.mostly * usual:
-            extent = f"lasts {record.duration:.3g} s, and {alike.sum()} of {len(records)} runs {usual:.3g} s"
-            effect = "what is missing counts for nothing, and slow changes within the run are not seen"
-            remedy = "was its file cut off? Compare it with the recorder's"
-            yield Finding("coverage", record.name, None, "note", extent, effect, remedy)
+            yield Finding(
+                "coverage",
+                record.name,
+                None,
+                "note",
+                f"lasts {record.duration:.3g} s, and {alike.sum()} of {len(records)} runs {usual:.3g} s",
+                "what is missing counts for nothing, and slow changes within the run are not seen",
+                "was its file cut off? Compare it with the recorder's",
+            )
 
 
 # Bins on either side of the mains that are its line, that belong to neither, and that are compared.
 LINE, GAP, AROUND = 1.5, 3, 12
-LOST = "periods are cut at the wrong places: "
 
 
 def find_lines(record: Record, words: Words) -> Iterator[Finding]:
@@ -259,14 +262,17 @@ def find_lines(record: Record, words: Words) -> Iterator[Finding]:
             yield _frequency_finding(
                 record, "the drive", record.main, "nothing repeats, and nothing is recovered"
             )
-        return
-    if load is None:
+    if load is None or words.structure:
         return
     both = {c.name: main_line(c.values, rate, declared) for c in (load, clock)}
     elsewhere = {name: f for name, (f, share) in both.items() if share < SOUNDNESS.unknown}
     if len(elsewhere) == 2 and abs(elsewhere["moment"] / elsewhere["angle"] - 1) < SOUNDNESS.minor_share:
-        said = "every coefficient, and c1 and the inertia by the ratio"
-        yield _frequency_finding(record, "both channels", elsewhere["angle"], said)
+        yield _frequency_finding(
+            record,
+            "both channels",
+            elsewhere["angle"],
+            "every coefficient, and c1 and the inertia by the ratio",
+        )
     elif elsewhere:
         name, other = (load, clock) if "moment" in elsewhere else (clock, load)
         at = elsewhere[name.name]
@@ -291,9 +297,15 @@ def _raised(name: Channel, other: Channel, record: Record, at: float) -> bool:
 
 
 def _frequency_finding(record: Record, what: str, at: float, said: str) -> Finding:
-    extent = f"the strongest line of {what} is at {at:.4g} Hz, {record.declared:g} Hz is declared"
-    remedy = "correct the frequency or the sampling rate of that run"
-    return Finding("wrong_frequency", record.name, "time", "stops", extent, LOST + said, remedy)
+    return Finding(
+        "wrong_frequency",
+        record.name,
+        "time",
+        "stops",
+        f"the strongest line of {what} is at {at:.4g} Hz, {record.declared:g} Hz is declared",
+        f"periods are cut at the wrong places: {said}",
+        "correct the frequency or the sampling rate of that run",
+    )
 
 
 def main_line(values: Array, rate: float, declared: float, at: float = 0.0) -> tuple[float, float]:
@@ -318,10 +330,7 @@ def find_noise(records: Sequence[Record], words: Words) -> Iterator[Finding]:
         for i, (record, _) in enumerate(some if len(some) >= SOUNDNESS.fewest else ()):
             others, usual = np.delete(share, i), float(np.median(np.delete(noise, i)))
             # Of most of the others no noise may be known: with few samples per period motion hides it.
-            stands = (
-                noise[i] > SOUNDNESS.outstanding * usual and share[i] > SOUNDNESS.outstanding * others.max()
-            )
-            if usual and stands:
+            if usual and min(noise[i] / usual, share[i] / others.max()) > SOUNDNESS.outstanding:
                 yield words.finding(
                     "excess_noise",
                     record.name,

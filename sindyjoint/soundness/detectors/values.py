@@ -21,24 +21,28 @@ def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             driven = channel.name == "moment" and _goes_on(record)
             if channel.name == "moment" and not driven and _is_declared(channel, records):
                 continue
-            remedy = (
-                "check the cable, repeat the run or leave it out; declare as constant what was not recorded"
-            )
-            if words.structure:
-                remedy = "check the cable; leave the run or, of all runs, the sensor out"
-            extent = (
+            yield words.finding(
+                "frozen_channel",
+                record.name,
+                channel.name,
+                "stops",
                 f"the {words.of(channel.name)} is {channel.values[0]:.6g} {words.unit(channel.name)} in all "
-                f"{channel.values.size} samples{', though the motion does not die away' * driven}"
+                f"{channel.values.size} samples{', though the motion does not die away' * driven}",
+                "check the cable; leave the run or, of all runs, the sensor out"
+                if words.structure
+                else "check the cable, repeat the run or leave it out; declare as constant what was not recorded",
             )
-            yield words.finding("frozen_channel", record.name, channel.name, "stops", extent, remedy)
         drive = record.channel(DRIVE)
         if drive is not None and drive.noise > (1 - SOUNDNESS.minor_share) * drive.std:
-            extent = (
+            yield words.finding(
+                "no_signal",
+                record.name,
+                DRIVE,
+                "stops",
                 f"the drive is noise: {drive.std:.3g} {words.unit(DRIVE)} RMS, of which {drive.noise:.3g} from sample "
-                "to sample"
+                "to sample",
+                "check the force cell; leave the run out",
             )
-            remedy = "check the force cell; leave the run out"
-            yield words.finding("no_signal", record.name, DRIVE, "stops", extent, remedy)
 
 
 def _is_declared(channel: Channel, records: Sequence[Record]) -> bool:
@@ -49,18 +53,20 @@ def _is_declared(channel: Channel, records: Sequence[Record]) -> bool:
 
 def _goes_on(record: Record) -> bool:
     """Return whether a motion is as large at its end as before: of a joint that nothing drives it dies away."""
-    parts = np.array_split(record.clock, 3)
-    first, middle, last = (Channel(record.driven_by, part).amplitude for part in parts)
+    first, middle, last = (
+        Channel(record.driven_by, part).amplitude for part in np.array_split(record.clock, 3)
+    )
     return last > (1 - SOUNDNESS.small_share) * middle and last > (1 - SOUNDNESS.minor_share) * first
 
 
 def find_saturation(record: Record, words: Words) -> Iterator[Finding]:
     """Yield the channels that stay at their highest or lowest value while the motion goes on."""
     for channel in record.alive:
-        sides = {
-            side: saturated_samples(channel, sign) for side, sign in (("highest", 1.0), ("lowest", -1.0))
+        found = {
+            side: at
+            for side, sign in (("highest", 1.0), ("lowest", -1.0))
+            if (at := saturated_samples(channel, sign)) is not None
         }
-        found = {side: at for side, at in sides.items() if at is not None}
         if not found:
             continue
         at = np.logical_or.reduce(list(found.values()))
@@ -130,7 +136,6 @@ def find_held(record: Record, words: Words) -> Iterator[Finding]:
             continue
         share, longest = sum(b - a for a, b in spans) / record.n_samples, max(b - a for a, b in spans)
         masked = record.short(spans) if words.structure else share <= SOUNDNESS.large_part
-        done = "filled in" if words.structure else "left out"
         yield words.finding(
             "frozen_segment" if longest > SOUNDNESS.small_share * record.n_samples else "dropouts",
             record.name,
@@ -138,7 +143,7 @@ def find_held(record: Record, words: Words) -> Iterator[Finding]:
             "biases" if masked or (words.structure and share <= SOUNDNESS.small_share) else "stops",
             f"the {words.of(channel.name)} stays at {'zero' if zero else 'one value'} {len(spans)} time(s), for up to "
             f"{longest} samples ({1e3 * longest / record.sample_rate:.3g} ms), {100 * share:.2g} % of the run",
-            f"those samples are {done}; look at cables and buffers"
+            f"those samples are {words.done}; look at cables and buffers"
             if masked
             else "repeat the run, or leave it out; look at cables and buffers",
             spans,
@@ -206,15 +211,9 @@ def find_lost(record: Record, words: Words) -> Iterator[Finding]:
     A run that repeats has other periods that show what they were. Of one that does not, a gap that is short against the
     motion can be bridged; across a longer one derivatives would be invented.
     """
-    done = "filled in" if words.structure else "left out"
     for channel, spans in ((name, s) for name, lost in record.lost.items() if (s := spans_of(lost))):
         lengths = [b - a for a, b in spans]
         masked = record.short(spans)
-        remedy = f"those samples are {done}; look at the buffer of the recorder"
-        if not masked:
-            remedy = (
-                "make a run of each part between the gaps, or repeat it; look at the buffer of the recorder"
-            )
         yield Finding(
             "lost_samples",
             record.name,
@@ -225,7 +224,9 @@ def find_lost(record: Record, words: Words) -> Iterator[Finding]:
             f"the first after {spans[0][0] / record.sample_rate:.3g} s, "
             f"at most {1e3 * max(lengths) / record.sample_rate:.3g} ms in a row",
             "samples beside a gap are read as neighbours: their rate and phase are wrong, and with them c1, M_F and k1",
-            remedy,
+            f"those samples are {words.done}; look at the buffer of the recorder"
+            if masked
+            else "make a run of each part between the gaps, or repeat it; look at the buffer of the recorder",
             spans,
             masked,
         )
@@ -235,8 +236,8 @@ def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
     """Yield channels whose resolution is a sizeable part of what they measure, and runs of few samples a period."""
     for channel in record.alive:
         share = channel.step / channel.std if channel.std else 0.0
-        many = channel.levels[0].size > channel.values.size / 4
-        if not channel.quantised or share < SOUNDNESS.small_share or many:
+        few = channel.quantised and channel.levels[0].size <= channel.values.size / 4
+        if not few or share < SOUNDNESS.small_share:
             continue
         coarse = share > SOUNDNESS.minor_share
         yield Finding(
@@ -307,19 +308,17 @@ def spike_samples(channel: Channel) -> Mask:
 def find_spikes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield a finding for each channel of a run that has spikes."""
     marks = [{c.name: spike_samples(c) for c in record.alive} for record in records]
-    names = {name for marked in marks for name in marked}
-    own = set() if words.structure else {name for name in names if _joint_jumps(records, marks, name)}
+    names = () if words.structure else {name for marked in marks for name in marked}
+    own = {name for name in names if _joint_jumps(records, marks, name)}
     for record, marked in zip(records, marks, strict=True):
-        for channel in record.alive:
+        for channel in (c for c in record.alive if c.name not in own and marked[c.name].any()):
             spans = spans_of(marked[channel.name])
-            if not spans or channel.name in own:
-                continue
             if words.structure:
                 spans = _alone(record, channel, marked[channel.name])
             size = float(np.abs(channel.values - np.median(channel.values))[marked[channel.name]].max())
             relative = size / max(channel.amplitude, 1e-300)
-            jerk = channel.name == "moment" and relative < SOUNDNESS.many_times
-            if not spans or (jerk and _motion_shows(record, spans)):
+            small = channel.name == "moment" and relative < SOUNDNESS.many_times
+            if not spans or (small and _motion_shows(record, spans)):
                 continue
             yield words.finding(
                 "spikes",
@@ -328,9 +327,8 @@ def find_spikes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
                 "biases",
                 f"{len(spans)} spike(s) of the {words.of(channel.name)}, up to {size:.3g} {words.unit(channel.name)}, "
                 f"{relative:.3g} times its amplitude",
-                "those samples are filled in; look for loose contacts"
-                if words.structure
-                else "those samples are left out; look for loose contacts and light reflections",
+                f"those samples are {words.done}; look for loose contacts"
+                + " and light reflections" * (not words.structure),
                 spans,
                 True,
             )
@@ -375,8 +373,8 @@ def _motion_shows(record: Record, spans: Spans) -> bool:
     x = np.pad(record.clock, REACH + 1, mode="edge")
     moved = x[REACH:] - x[:-REACH]  # within REACH samples that begin so many before
     kink = np.abs(moved[REACH + 2 :] - moved[: -REACH - 2])
-    usual = float(np.quantile(kink, USUAL))
-    return all(kink[max(begin - 1, 0) : end + 1].max(initial=0.0) > usual for begin, end in spans)
+    least = min(kink[max(begin - 1, 0) : end + 1].max(initial=0.0) for begin, end in spans)
+    return bool(least > np.quantile(kink, USUAL))
 
 
 def _alone(record: Record, channel: Channel, own: Mask) -> Spans:

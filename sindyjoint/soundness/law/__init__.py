@@ -57,9 +57,8 @@ class Motions:
     def take(self, index: Sequence[int]) -> Self:
         """Return some of the runs."""
         rows = list(index)
-        arrays = {n: getattr(self, n)[rows] for n in (*MOTION, "moment", "inputs", "place", "size")}
-        frequency = None if self.frequency is None else self.frequency[rows]
-        return replace(self, names=tuple(self.names[i] for i in rows), frequency=frequency, **arrays)
+        arrays = {name: each[rows] for name, each in vars(self).items() if isinstance(each, np.ndarray)}
+        return replace(self, names=tuple(self.names[i] for i in rows), **arrays)
 
     def scaled(self, channel: str, factors: Array | float) -> Self:
         """Return the runs with a channel, ``"moment"`` or ``"angle"``, times a factor for each run or one for all."""
@@ -108,14 +107,20 @@ def cycles_of(names: Sequence[str], frequency: Array, harmonics: Complex, inputs
     series = [harmonics[0], harmonics[1], harmonics[1] * turn, harmonics[1] * turn**2]
     moment, angle, rate, acceleration = np.fft.irfft(series, POINTS, norm="forward")
     place = np.tile(np.arange(POINTS) / POINTS, (len(names), 1))
-    size = np.std(moment, axis=1)
-    return Motions(tuple(names), angle, rate, acceleration, moment, inputs, place, frequency, size)
+    return Motions(
+        tuple(names), angle, rate, acceleration, moment, inputs, place, frequency, np.std(moment, axis=1)
+    )
 
 
 def mean_cycles(records: Sequence[Record]) -> Motions:
     """Return the mean cycles of the runs that have a frequency and both channels."""
-    known = [r for r in records if r.frequency and {"moment", "angle"} <= {c.name for c in r.alive}]
-    some = [r for r in known if r.samples_per_period >= 6 and _steady(r.clock, r)[1]]
+    some = [
+        r
+        for r in records
+        if {"moment", "angle"} <= {c.name for c in r.alive}
+        and 6 <= r.samples_per_period < np.inf
+        and _steady(r.clock, r)[1]
+    ]
     series = np.array([[_harmonics(r.channels[n], r) for r in some] for n in ("moment", "angle")])
     inputs = np.array([[_harmonics(x, r) for x in r.run.inputs.values()] for r in some if r.run])
     count = inputs.shape[1] if some else 0
@@ -187,11 +192,10 @@ class Scale:
 def scale_of(runs: Motions) -> Scale:
     """Return the scale of a campaign: medians, so that one run in another unit does not set it."""
     swing = np.abs(runs.angle - runs.angle.mean(axis=1, keepdims=True)).max(axis=1)
-    ends = np.moveaxis(runs.inputs, 2, 0)
     return Scale(
         float(np.median(swing)) or 1.0,
         float(np.median(np.abs(runs.rate).max(axis=1))) or 1.0,
-        tuple((float(values.min()), float(values.max())) for values in ends),
+        tuple((float(values.min()), float(values.max())) for values in np.moveaxis(runs.inputs, 2, 0)),
     )
 
 

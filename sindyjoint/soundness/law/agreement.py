@@ -163,8 +163,7 @@ def moved(equations: Equations, test: RigTest, numbers: Array) -> Equations:
 
 def _designs(test: RigTest, angular: Array) -> tuple[Complex, Complex, Complex]:
     """Return how channels follow drive and moments, its derivatives by the structure's numbers, and the angles."""
-    steps = DIFFERENCE * np.eye(len(test.uncertain))
-    tests = [test, *(with_numbers(test, step) for step in steps)]
+    tests = [test, *(with_numbers(test, step) for step in DIFFERENCE * np.eye(len(test.uncertain)))]
     here, *others = (open_joints(t.structure, t.at, t.sensors, angular) for t in tests)
     slopes = [(other.design - here.design) / DIFFERENCE for other in others]
     return here.design, np.array(slopes).reshape(len(slopes), *here.design.shape), here.angles

@@ -128,30 +128,33 @@ def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator
     best = min(_undone(runs, inertia), key=lambda each: each.left)
     if best.id == "channel_delay" or best.left > min(np.sqrt(SOUNDNESS.explains) * before, SOUNDNESS.departs):
         return
-    slowest = float(runs.frequency.min())
+    slowest = float(runs.cycle.min())
     gain = f"one law leaves {100 * before:.2g} % of the {words.of('moment')}, {100 * best.left:.2g} % with that undone"
     if best.id == "ac_coupling":
         lead = float(np.arctan(best.parameter / slowest))
-        extent = (
+        yield Finding(
+            best.id,
+            None,
+            best.channel,
+            "stops" if lead > SOUNDNESS.unknown else "biases",
             f"the {words.of(best.channel)} seems AC coupled with a corner of {best.parameter:.3g} Hz: it leads by "
-            f"{np.degrees(lead):.2g}° at {slowest:g} Hz and less above ({gain})"
+            f"{np.degrees(lead):.2g}° at {slowest:g} Hz and less above ({gain})",
+            "k1 and c1 depend on the frequency, k2 and the mean are lost, M_F fades over each half-cycle",
+            "switch the coupling to DC and repeat the tests",
         )
-        effect = "k1 and c1 depend on the frequency, k2 and the mean are lost, M_F fades over each half-cycle"
-        remedy = "switch the coupling to DC and repeat the tests"
-        stops = lead > SOUNDNESS.unknown
-        yield Finding(best.id, None, best.channel, "stops" if stops else "biases", extent, effect, remedy)
-        return
-    if best.channel == "moment" and not _is_one_time(runs, inertia, best):
-        return
-    extent = (
-        f"the {words.of(best.channel)} seems to have passed a low-pass with a corner of "
-        f"{1 / (2 * np.pi * best.parameter):.3g} Hz that the other channel has not: it lags by "
-        f"{1e3 * best.parameter:.3g} ms ({gain})"
-    )
-    sign = "-" if best.channel == "moment" else "+"
-    effect = f"shifts c1 by about {sign}{best.parameter:.2g} s times k1, and rounds M_F"
-    remedy = "set the same filter on both channels and repeat the tests"
-    yield Finding(best.id, None, best.channel, "biases", extent, effect, remedy)
+    elif best.channel == "angle" or _is_one_time(runs, inertia, best):
+        yield Finding(
+            best.id,
+            None,
+            best.channel,
+            "biases",
+            f"the {words.of(best.channel)} seems to have passed a low-pass with a corner of "
+            f"{1 / (2 * np.pi * best.parameter):.3g} Hz that the other channel has not: it lags by "
+            f"{1e3 * best.parameter:.3g} ms ({gain})",
+            f"shifts c1 by about {'-' if best.channel == 'moment' else '+'}{best.parameter:.2g} s times k1, and rounds "
+            "M_F",
+            "set the same filter on both channels and repeat the tests",
+        )
 
 
 def _undone(runs: Motions, inertia: float | None, kinds: Sequence[str] = tuple(INVERSES)) -> list[Undone]:

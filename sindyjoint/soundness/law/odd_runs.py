@@ -36,7 +36,6 @@ MISTAKES = {
 }
 # Parts of a run whose mean residuals are followed, and the fewest samples of one.
 PARTS, FEWEST = 24, 5
-DRAWN = "k1, k3, c1 and M_F are drawn towards that run"
 OTHER_SIGN = "k1, c1 and M_F of this run have the other sign"
 REVERSE = "reverse the channel (gain = -1), or leave the run out"
 
@@ -295,15 +294,22 @@ def _describe(index: int, held: Held, words: Words) -> Finding | None:
             else "look at what was changed before that run; leave it out, or diagnose it apart",
         )
     if number < 0:
-        extent = f"its {words.of(name)} is that of the other runs times {number:.3g}"
-        return Finding("reversed_sign", run, name, "stops", extent, OTHER_SIGN, REVERSE)
+        return Finding(
+            "reversed_sign",
+            run,
+            name,
+            "stops",
+            f"its {words.of(name)} is that of the other runs times {number:.3g}",
+            OTHER_SIGN,
+            REVERSE,
+        )
     return Finding(
         "gain_differs",
         run,
         name,
         "biases" if max(number, 1 / number) < SOUNDNESS.clearly else "stops",
         f"its {words.of(name)} is {number:.4g} times what the law of the other runs gives {said}",
-        DRAWN,
+        "k1, k3, c1 and M_F are drawn towards that run",
         "compare gain and unit of that run with the others'; correct it or leave it out",
     )
 
@@ -337,11 +343,10 @@ def find_drifts(runs: Motions, alike: Motions, inertia: float | None, words: Wor
         # Of a law that leaves much the mean moves as well, as drive and motion change along a sweep.
         if slope is None or np.var(residual) - total**2 / 12 > SOUNDNESS.minor_share**2:
             continue
-        means = {channel: _means(parts, getattr(runs, channel)[index]) for channel in ("moment", "angle")}
         moves = {
-            channel: abs(np.polyfit(np.arange(PARTS), mean, 1)[0])
-            / max(float(np.std(getattr(runs, channel)[index])), 1e-300)
-            for channel, mean in means.items()
+            channel: abs(np.polyfit(np.arange(PARTS), _means(parts, signal[index]), 1)[0])
+            / max(float(np.std(signal[index])), 1e-300)
+            for channel, signal in (("moment", runs.moment), ("angle", runs.angle))
         }
         # The channel whose own mean moves along, at least twice as far.
         one, other = sorted(moves, key=moves.__getitem__, reverse=True)

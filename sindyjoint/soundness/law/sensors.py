@@ -81,9 +81,8 @@ def with_assumed_numbers(test: RigTest) -> RigTest:
         }
         of_clamp = usual if np.isfinite(chain.clamp_stiffness) else 0.0
         assumed = uncertain_numbers(chain.items, chain.clamp_stiffness, of_parts, of_clamp)
-    numbers = {number.name: number for number in (*assumed, *test.uncertain)}
-    widened = (replace(n, uncertainty=max(n.uncertainty, usual)) for n in numbers.values())
-    return replace(test, uncertain=tuple(widened))
+    numbers = {n.name: replace(n, uncertainty=max(n.uncertainty, usual)) for n in (*assumed, *test.uncertain)}
+    return replace(test, uncertain=tuple(numbers.values()))
 
 
 def recovered(test: RigTest, runs: Sequence[RigRun]) -> Iterator[Recovery]:
@@ -179,10 +178,13 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
     guesses = [first_guess(equations, channel, run, longest) for run in runs for channel in channels]
     ways = [way for guess in guesses for way in ((guess, True), (guess._replace(delay=0.0), False))]
     fits = [fit_fault(equations, fault, delayed) for fault, delayed in ways]
-    found = [(fit, fit.fault) for fit in fits if fit.fault is not None and abs(fit.fault.delay) <= longest]
     others = [(pair, run, swapped(equations, *pair, run)) for run in runs for pair in pairs]
     known = [
-        *(explained("fault", (f.channel,), f.run, fit, f.removed(equations)) for fit, f in found),
+        *(
+            explained("fault", (f.channel,), f.run, fit, f.removed(equations))
+            for fit in fits
+            if (f := fit.fault) is not None and abs(f.delay) <= longest
+        ),
         *(explained("swapped", pair, run, fit_fault(clean), clean) for pair, run, clean in others),
     ]
     best = min(known, key=lambda each: each.ratio)
@@ -195,8 +197,8 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
         return min(plain or simplest or [best], key=lambda each: each.ratio)
     if spare < 2:
         return None
-    without = [left_out(equations, channel) for channel in channels[1:]]
-    lacking = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in enumerate(without, 1)]
+    without = {channel: left_out(equations, channel) for channel in channels[1:]}
+    lacking = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in without.items()]
     first, second = sorted(lacking, key=lambda each: each.ratio)[:2]
     # A channel less leaves less, whichever it is: what a second one explains as well is the structure.
     alone = first.ratio <= SOUNDNESS.explains / 2 and second.ratio >= SOUNDNESS.explains
@@ -241,13 +243,19 @@ def _describe(
     )
     better = f"agree {found.ratio**-0.5:.3g} times better"
     if found.kind == "swapped":
-        extent = f"{said[0]} and {said[1]} are in each other's place: the channels then {better}"
-        remedy = "exchange their columns or their points in [[sensor]]"
-        told: Told | None = ("swapped_channels", "stops", extent, remedy)
+        told: Told | None = (
+            "swapped_channels",
+            "stops",
+            f"{said[0]} and {said[1]} are in each other's place: the channels then {better}",
+            "exchange their columns or their points in [[sensor]]",
+        )
     elif found.kind == "left_out":
-        extent = f"without the {said[0]} all others {better}, and no gain, sign or delay of it explains that"
-        remedy = "look at its place and direction, and at how it is mounted; or leave it out"
-        told = ("sensors_disagree", severity, extent, remedy)
+        told = (
+            "sensors_disagree",
+            severity,
+            f"without the {said[0]} all others {better}, and no gain, sign or delay of it explains that",
+            "look at its place and direction, and at how it is mounted; or leave it out",
+        )
     else:
         told = _tell_fault(found, said[0], severity, main, certain)
     if told is not None:
@@ -256,9 +264,8 @@ def _describe(
             f"shifts the recovered angle by {sizes[0]}, the moment by {sizes[1]}, of the joint that it moves most: "
             "k1, k3, c1 and M_F"
         )
-        channel = names[found.channels[0]]
         id, grade, extent, remedy = told
-        yield Finding(id, run, channel, grade, extent, effect, remedy)
+        yield Finding(id, run, names[found.channels[0]], grade, extent, effect, remedy)
 
 
 def _tell_fault(found: Explained, said: str, severity: Severity, main: float, certain: bool) -> Told | None:
@@ -271,28 +278,26 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
     # Standard errors by the noise, and by what the fault leaves beyond it.
     sure = SOUNDNESS.outstanding * max(1.0, found.fit.chi_squared / found.equations.degrees) ** 0.5
     if abs(fault.gain) < SOUNDNESS.tolerated:
-        shown = 100 * max(abs(fault.gain), SMALLEST)
-        extent = f"the {said} shows {shown:.2g} % of what the others predict: {agree}"
-        return ("no_signal", "stops", extent, "check its cable, range and unit; leave it out")
+        extent = f"the {said} shows {100 * max(abs(fault.gain), SMALLEST):.2g} % of what the others predict: {agree}"
+        return "no_signal", "stops", extent, "check its cable, range and unit; leave it out"
     if fault.gain < 0:
         size = "" if off < SOUNDNESS.gain else f", times {abs(fault.gain):.4g}"
         extent = f"the {said} has the other sign than the others predict{size}: {agree}"
-        return ("reversed_sign", "stops", extent, "turn its sign in the file, or leave it out")
+        return "reversed_sign", "stops", extent, "turn its sign in the file, or leave it out"
     if off >= max(SOUNDNESS.gain, sure * errors[0]) and (off >= late or late < SOUNDNESS.small_share):
         units = [f" (as {u})" for factor, u in UNITS.items() if abs(fault.gain / factor - 1) < SOUNDNESS.gain]
         extent = f"the {said} is {fault.gain:.4g} times what the others predict{''.join(units[:1])}: {agree}"
         remedy = "compare its calibration, gain and unit; correct or leave it out"
         if not certain:
-            extent += (
-                ", or its part of the structure is another: with one sensor more than joints nothing tells"
-            )
-            return ("gain_differs", "note" if severity == "note" else "biases", extent, remedy)
-        return ("gain_differs", "stops" if off > SOUNDNESS.unknown else severity, extent, remedy)
+            other = "or its part of the structure is another: with one sensor more than joints nothing tells"
+            return "gain_differs", "note" if severity == "note" else "biases", f"{extent}, {other}", remedy
+        return "gain_differs", "stops" if off > SOUNDNESS.unknown else severity, extent, remedy
     if late < max(SOUNDNESS.small_share, sure * errors[1] * turn):
         return None
-    extent = (
+    return (
+        "channel_delay",
+        severity,
         f"the {said} comes {1e3 * abs(fault.delay):.3g} ms {'later' if fault.delay > 0 else 'earlier'} than the others "
-        f"predict ({np.degrees(late):.2g}° at {main:.3g} Hz): {agree}"
+        f"predict ({np.degrees(late):.2g}° at {main:.3g} Hz): {agree}",
+        "record all channels with one clock and one filter; shift it in time, or leave it out",
     )
-    remedy = "record all channels with one clock and one filter; shift it in time, or leave it out"
-    return ("channel_delay", severity, extent, remedy)
