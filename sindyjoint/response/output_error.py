@@ -53,12 +53,15 @@ class OutputError:
         Coefficients of the terms, the inertia where it is one, numbers of the elements, nuisances, initial states.
     inertia_index : int or None
         Of the inertia among the parameters, where it is one.
+    most_steps : int, optional
+        Of the integrator in a run.
     """
 
     model: JointModel
     runs: tuple[Record, ...]
     parameters: tuple[Parameter, ...]
     inertia_index: int | None
+    most_steps: int | None = None
 
     @classmethod
     def of(
@@ -277,6 +280,7 @@ class OutputError:
             parameters=self._law_parameters(record, sets),
             beam_inertia=self._inertia(record, sets) - record.law.inertia,
             initial=initial, initial_state=self._inner(record, sets), limits=record.limits, rtol=RTOL,
+            most_steps=self.most_steps,
         )  # fmt: skip
         angle, rates, acceleration = many.angle, many.rate, many.acceleration
         if cycle is None:

@@ -23,6 +23,8 @@ from sindyjoint.states import ForceStates, campaign_states
 MOST_EVALUATIONS, FEW_EVALUATIONS = 40, 8
 # Share of a sum of squares; a fit ends where a step lowers it by less.
 FINELY, ROUGHLY = 1e-7, 1e-2
+# Steps of the integrator in a run where laws are compared: slow cycles of a stiff joint take more.
+QUICKLY = 100_000
 # Samples of all runs up to which a response is fitted without being asked for.
 SIMULATED = 50_000
 
@@ -188,9 +190,11 @@ def fit_nearby(
 
     They begin at ``start``, where an earlier call ended (default: at the model's numbers), and end where one wins
     less than the share ``least``. What a measured state starts is a tenth of the noise off the steady motion after a
-    period: enough to compare laws, not for their numbers.
+    period: enough to compare laws, not for their numbers. Infinite where a run takes too many steps.
     """
-    problem = OutputError.of(model, runs, states, (), None, settled=1)
+    problem = replace(OutputError.of(model, runs, states, (), None, settled=1), most_steps=QUICKLY)
+    if problem.failing_runs():
+        return np.inf, problem.table[0]
     end, cost = _fit(problem, problem.table[0] if start is None else start, FEW_EVALUATIONS, least)
     return 2 * cost, end
 
