@@ -109,7 +109,7 @@ def _lasso_lars(asked: Asked) -> Path:
     return [asked.all_columns, _nonzero(fit.coef_, asked), *(_nonzero(c, asked) for c in path.T)]
 
 
-SR3 = {"regularizer": "L0", "relax_coeff_nu": 1.0, "max_iter": 300, "tol": 1e-9}
+SR3 = {"regularizer": "L0", "relax_coeff_nu": 1.0, "max_iter": 300, "tol": 1e-7}
 METHODS: dict[str, Method] = {
     # Sequentially thresholded least squares on unique shares, one term at a time, with exchange.
     "stlsq": lambda asked: elimination_path(asked.factor, asked.forced, asked.evidence.parents),
