@@ -122,10 +122,11 @@ def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | No
     ]
     if not _follows(whole[0], state):
         return None
-    series, measured, replicate = _strong(state)
+    series, measured, of_blocks = _strong(state)
     cut = np.array(whole) - fitted_motion(_bases(state, series), whole)
-    if replicate is not None:
-        first, second, third = replicate + cut
+    replicate = None
+    if of_blocks is not None:
+        first, second, third = of_blocks + cut
         replicate = (first, second, third)
     angle, rate, acceleration = measured + cut
     order = 1 if len(series) == 1 else 0
