@@ -3,6 +3,7 @@
 What a console cannot show is spelled in ASCII, never a traceback.
 """
 
+import atexit
 import codecs
 import gc
 import os
@@ -133,7 +134,9 @@ def main(arguments: list[str] | None = None) -> None:
 def _run(arguments: list[str]) -> int:
     """Run the command line and return its exit status."""
     # A command makes more objects than it drops: to look at all of them for circles every time costs a tenth of it.
-    gc.set_threshold(50_000)
+    gc.set_threshold(200_000)
+    # Nor is there any use in circles as the process ends.
+    atexit.register(gc.freeze)
     limited = any(name in os.environ for name in THREADS)
     for name in THREADS:
         os.environ.setdefault(name, "1")

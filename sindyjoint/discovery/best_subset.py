@@ -83,20 +83,22 @@ def replicate_subsets(triangles: Array, largest: int) -> NDArray[np.bool_]:
     ndarray of bool, shape (replicates, largest + 1, p)
         Marks of the best set of each size; row 0 is empty.
     """
-    order = _search_order(Factor(np.array(triangles[0]), 1.0), [])
     # Replicates searched in one task: some tens of milliseconds.
     parts = [triangles[some] for some in chunks(len(triangles), 32)]
-    return np.concatenate(side_by_side(partial(_subsets_of, order, largest), parts))
+    return np.concatenate(side_by_side(partial(_subsets_of, largest), parts))
 
 
-def _subsets_of(order: list[int], largest: int, triangles: Array) -> NDArray[np.bool_]:
-    """Return the best subsets of some replicates, searched in a given order of the columns."""
+def _subsets_of(largest: int, triangles: Array) -> NDArray[np.bool_]:
+    """Return the best subsets of some replicates."""
     replicates, p = triangles.shape[0], triangles.shape[1] - 1
     expected = np.zeros(p, dtype=np.int64)
     marks = np.zeros((replicates, largest + 1, p), dtype=bool)
-    for index in range(replicates):
-        start = np.linalg.qr(triangles[index][:, [*order, p]], mode="r")
-        marks[index][:, order] = _search(start, 0, expected, largest)[1][: largest + 1]
+    for triangle, found in zip(triangles, marks, strict=True):
+        # By unique share: to eliminate one by one, as for a single problem, would cost more than it saves.
+        factor = Factor(triangle, 1.0)
+        order = np.argsort(-np.abs(factor.solve()) / np.linalg.norm(factor.inverse(), axis=1))
+        start = np.linalg.qr(triangle[:, [*order, p]], mode="r")
+        found[:, order] = _search(start, 0, expected, largest)[1][: largest + 1]
     return marks
 
 
@@ -114,18 +116,18 @@ def _search_order(scaled: Factor, forced: list[int]) -> list[int]:
 @njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _drop(triangle, n, index, out):
     """Factor of the n columns of ``triangle`` less one: shift left, rotate the subdiagonal away."""
-    for j in range(n):  # columns of the result, the last being the target
-        source = j if j < index else j + 1
-        for i in range(n + 1):
-            out[i, j] = triangle[i, source]
+    # Columns j of the result are columns j + 1 from the index on, the last being the target; zeros are not written.
+    for i in range(index + 1):
+        for j in range(i, index):
+            out[i, j] = triangle[i, j]
+        for j in range(index, n):
+            out[i, j] = triangle[i, j + 1]
     for j in range(index, n):
-        a, b = out[j, j], out[j + 1, j]
-        if b == 0.0:
-            continue
-        radius = np.hypot(a, b)
-        c, s = a / radius, b / radius
+        a, b = out[j, j], triangle[j + 1, j + 1]
+        radius = np.sqrt(a * a + b * b)
+        c, s = (a / radius, b / radius) if b != 0.0 else (1.0, 0.0)
         for k in range(j, n):
-            upper, lower = out[j, k], out[j + 1, k]
+            upper, lower = out[j, k], triangle[j + 1, k + 1]
             out[j, k] = c * upper + s * lower
             out[j + 1, k] = c * lower - s * upper
 

@@ -109,7 +109,7 @@ def _lasso_lars(asked: Asked) -> Path:
     return [asked.all_columns, _nonzero(fit.coef_, asked), *(_nonzero(c, asked) for c in path.T)]
 
 
-SR3 = {"regularizer": "L0", "relax_coeff_nu": 1.0, "max_iter": 300, "tol": 1e-9}
+SR3 = {"regularizer": "L0", "relax_coeff_nu": 1.0, "max_iter": 300, "tol": 1e-7}
 METHODS: dict[str, Method] = {
     # Sequentially thresholded least squares on unique shares, one term at a time, with exchange.
     "stlsq": lambda asked: elimination_path(asked.factor, asked.forced, asked.evidence.parents),
@@ -288,21 +288,23 @@ def _quiet(fit: Callable[[], Any]) -> Any:
 def _threshold_path(asked: Asked, fitted: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
     """Return the sets at all thresholds of coefficients of which no more are kept at a larger one, by halving.
 
-    Where two thresholds keep the same columns, so do those between them, which are not tried.
+    Where two thresholds keep the same columns, so do those between them, which are not tried; nor are those beyond one
+    that keeps the least there can be.
     """
+    least = max(1, len(asked.forced))
 
     @cache
     def at(place: int) -> tuple[int, ...]:
         return _nonzero(_quiet(lambda: fitted(float(thresholds[place]))), asked)
 
     def between(low: int, high: int) -> Path:
-        if at(low) == at(high) or high - low < 2:
+        if len(at(low)) <= least or at(low) == at(high) or high - low < 2:
             return [at(low), at(high)]
         middle = (low + high) // 2
         return between(low, middle) + between(middle, high)
 
     path = between(0, len(thresholds) - 1)
-    end = next((i for i, kept in enumerate(path) if len(kept) <= max(1, len(asked.forced))), len(path))
+    end = next((i for i, kept in enumerate(path) if len(kept) <= least), len(path))
     return [asked.all_columns, *path[: end + 1]]
 
 

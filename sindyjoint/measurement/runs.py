@@ -163,7 +163,7 @@ def white_noise(values: Array, place: Array | None = None, branch: Array | None 
     branch : ndarray, shape (n,), optional
         No difference is taken from one branch to the next.
     """
-    x = sliding_window_view(np.arange(values.size) if place is None else place, 4)
+    x = sliding_window_view(np.arange(4) if place is None else place, 4)
     apart = x[:, :, None] - x[:, None, :] + np.eye(4)
     weight = 1 / apart.prod(axis=2)
     third = np.sum(weight * sliding_window_view(values, 4), axis=1) / np.linalg.norm(weight, axis=1)

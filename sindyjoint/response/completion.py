@@ -123,16 +123,13 @@ def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | No
     ]
     if not _follows(whole[0], state):
         return None
-    bases, series = _strong(state)
-    cut = np.array(whole) - fitted_motion(bases, whole)
-    replicate = state.replicate
-    if replicate is not None:
-        edges = np.flatnonzero(np.diff(state.block, prepend=-1, append=-1))
-        blocks = [slice(*ends) for ends in zip(edges[:-1], edges[1:], strict=True)]
-        parts = [fitted_motion(bases, replicate, rows) for rows in blocks]
-        first, second, third = np.hstack(parts) + cut
+    series, measured, of_blocks = _strong(state)
+    cut = np.array(whole) - fitted_motion(_bases(state, series), whole)
+    replicate = None
+    if of_blocks is not None:
+        first, second, third = of_blocks + cut
         replicate = (first, second, third)
-    angle, rate, acceleration = fitted_motion(bases, (state.angle, state.rate)) + cut
+    angle, rate, acceleration = measured + cut
     order = 1 if len(series) == 1 else 0
     noise = replace(
         state.noise,
@@ -145,20 +142,38 @@ def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | No
     )  # fmt: skip
 
 
-def _strong(state: ForceStates) -> tuple[list[HarmonicBasis], tuple[Harmonics, ...]]:
-    """Return the harmonics of angle, and of a measured rate, that are known to a tenth, and the first."""
+def _bases(state: ForceStates, series: Sequence[Harmonics]) -> list[HarmonicBasis]:
+    """Return the bases of some harmonics at the samples of a run."""
+    return [
+        HarmonicBasis.build(state.time - state.time[0], state.fundamental, each.orders) for each in series
+    ]
+
+
+# The search completes the same states by one model after the other.
+@kept
+def _strong(state: ForceStates) -> tuple[tuple[Harmonics, ...], Array, Array | None]:
+    """Return the harmonics of angle, and of a measured rate, that are known to a tenth, and the first.
+
+    And the motion that they make, shape (3, n), and that of each block, fitted to that alone, where there are several.
+    """
     bases, series = [], []
-    for found, signal in zip(state.series, (state.angle, state.rate), strict=False):
-        basis = HarmonicBasis.build(state.time - state.time[0], state.fundamental, found.orders)
+    for found, basis, signal in zip(
+        state.series, _bases(state, state.series), (state.angle, state.rate), strict=False
+    ):
         _, a, b = basis.fit(signal)
         strong = np.hypot(a, b) > RESPONSE.many_times * found.standard_error
         strong[0] = True
         bases.append(basis.take(strong))
         series.append(Harmonics(found.orders[strong], found.standard_error[strong]))
-    return bases, tuple(series)
+    motion = fitted_motion(bases, (state.angle, state.rate))
+    if state.replicate is None:
+        return tuple(series), motion, None
+    edges = np.flatnonzero(np.diff(state.block, prepend=-1, append=-1))
+    blocks = (slice(*ends) for ends in zip(edges[:-1], edges[1:], strict=True))
+    parts = [fitted_motion(bases, state.replicate, rows) for rows in blocks]
+    return tuple(series), motion, np.hstack(parts)
 
 
-# The search completes the same states by one model after the other.
 @kept
 def _spectrum(state: ForceStates) -> tuple[Array, Complex, Complex, Array, float]:
     """Return all orders that the sampling shows, the moment's and the angle's harmonics, the angle's errors, the mean.

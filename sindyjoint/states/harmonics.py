@@ -41,8 +41,8 @@ class HarmonicBasis:
         """
         angular = np.asarray(2 * np.pi * frequency * orders, dtype=np.float64)
         if not np.array_equal(orders, np.arange(1, len(orders) + 1)):
-            phase = np.outer(angular, time)
-            return cls(np.cos(phase).T, np.sin(phase).T, angular)
+            cosine, sine = _compute_multiples(2 * np.pi * frequency * time, orders[-1])
+            return cls(cosine[orders - 1].T, sine[orders - 1].T, angular)
         for instants, made in LATEST:
             if np.array_equal(made.angular, angular) and np.array_equal(instants, time):
                 return made
