@@ -191,9 +191,12 @@ def discover(
             freed = started._replace(
                 campaign=replace(started.campaign, joint=replace(campaign.joint, inertia=None))
             )
-            fresh = regressor.again()
-            fresh.forced = (*fresh.forced, INERTIA)
-            again = find(fresh, freed)
+            again = find(regressor.again(), freed)
+            # At one frequency it is no column of its own.
+            if INERTIA not in again[0].model and INERTIA in again[0].regressor.evidence_.ids:
+                fresh = regressor.again()
+                fresh.forced = (*fresh.forced, INERTIA)
+                again = find(fresh, freed)
             if _denies_inertia(again[0], best, declared, prepared.lag):
                 prepared, (best, verdict, left_in) = freed, again
         if correct and not long:

@@ -11,7 +11,9 @@ from tests.diagnosis.hidden_effects import hide
 @pytest.fixture(scope="module")
 def heavy():
     joint = PaperLaw(k1=5000.0, c1=30.0, M_F=1.0, inertia=0.4)
-    return simulate(joint, frequencies=[3, 5, 7], levels=[0.9, 0.6, 0.4], angle_limit=1e-3, duration=6, rng=702)
+    return simulate(
+        joint, frequencies=[3, 5, 7], levels=[0.9, 0.6, 0.4], angle_limit=1e-3, duration=6, rng=702
+    )
 
 
 def declared(campaign, inertia):
