@@ -366,6 +366,8 @@ def remembered(law: Law, states: ForceStates) -> Integers:
     A slider that does not yield in a run keeps what a start-up or a larger motion left. The motion is taken a tenth
     smaller: limits of sliders are not known better before a fit.
     """
+    if not law.n_states:
+        return np.empty(0, dtype=np.intp)
     angle, rate = (0.9 * each for each in followed_motion(states))
     ends = (float(np.mean(angle)) + side * float(np.ptp(angle)) for side in (-1, 1))
     one, other = (internal_states(law, angle, rate, states.sample_rate, rest=end) for end in ends)
