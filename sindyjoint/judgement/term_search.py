@@ -19,6 +19,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, moment_floor, regression_rows
+from sindyjoint.text import quantities
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +193,45 @@ def error_left_out(found: TermSearch) -> float:
     """Return the root of the mean squared error of groups of runs left out, N·m; NaN with one group."""
     step = found.regressor.selection_result_.step
     return float("inf") if step is None else step.held_out_rms
+
+
+def may_lack_inertia(found: TermSearch, campaign: Campaign, lag: float) -> bool:
+    """Return whether a law may have a term, or a delay ``lag``, s, in the place of an error of the inertia."""
+    own = {*found.model.ids} <= {*PAPER_TERMS} and leaves_noise(found.model)
+    driven = not (campaign.moves_freely or campaign.quasi_static)
+    return driven and bool(found.model.terms) and (lag != 0 or not own)
+
+
+def denies_inertia(freed: TermSearch, plain: TermSearch, declared: float, lag: float) -> bool:
+    """Return whether the runs give another inertia than is declared, with which the law is simpler, or predicts better.
+
+    A declared inertia is known: noise alone must be left, and what the law has instead must not be as likely.
+    """
+    if INERTIA not in freed.model or not leaves_noise(freed.model):
+        return False
+    found = freed.model[INERTIA]
+    # A stiffness that rises with the frequency is a negative one.
+    if (
+        found.coefficient <= 0
+        or abs(found.coefficient - declared) < JUDGEMENT.significant * found.standard_error
+    ):
+        return False
+    fewer = len(plain.model.terms) + (lag != 0) - len(freed.model.terms)
+    better = error_left_out(freed) < error_left_out(plain)
+    return fewer > 0 or not leaves_noise(plain.model) or (fewer == 0 and better)
+
+
+def inertia_notes(campaign: Campaign, model: JointModel) -> list[str]:
+    """Return a warning where a law was found with another inertia than the campaign declares."""
+    declared = campaign.joint.inertia
+    if declared is None or INERTIA not in model:
+        return []
+    term, name = model[INERTIA], quantities(model.joint.motion).inertia.lower()
+    return [
+        f"the declared {name} of {declared:g} {term.unit} is not that of these runs: they give {term.coefficient:.4g} "
+        f"± {term.standard_error:.1g} {term.unit}, with which the law needs less; that is used; check what moves "
+        "between sensor and joint, and whether a stiffness depends on the frequency (diagnose)"
+    ]
 
 
 def _completed_from(

@@ -18,7 +18,7 @@ from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.candidates import NO_DELAY, catalogue_of, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
-from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.model import INERTIA
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files.campaign import LONGEST
@@ -27,7 +27,10 @@ from sindyjoint.judgement.over_inputs import InputLag, find_lags, lag_notes
 from sindyjoint.judgement.term_search import (
     TermSearch,
     campaign_model,
+    denies_inertia,
     error_left_out,
+    inertia_notes,
+    may_lack_inertia,
     on_response,
     search_completed,
     search_response,
@@ -43,10 +46,8 @@ from sindyjoint.judgement.verdict import (
     undecided_without_time,
     unresolved_delay,
 )
-from sindyjoint.limits import JUDGEMENT
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import RNG
-from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import (
@@ -186,7 +187,7 @@ def discover(
             if align or _is_simpler(again[0], best):
                 prepared, (best, verdict, left_in) = without, again
         declared = campaign.joint.inertia
-        if correct and not long and declared and _may_lack_inertia(best, prepared):
+        if correct and not long and declared and may_lack_inertia(best, prepared.campaign, prepared.lag):
             say("looking at the declared inertia")
             freed = started._replace(
                 campaign=replace(started.campaign, joint=replace(campaign.joint, inertia=None))
@@ -197,7 +198,7 @@ def discover(
                 fresh = regressor.again()
                 fresh.forced = (*fresh.forced, INERTIA)
                 again = find(fresh, freed)
-            if _denies_inertia(again[0], best, declared, prepared.lag):
+            if denies_inertia(again[0], best, declared, prepared.lag):
                 prepared, (best, verdict, left_in) = freed, again
         if correct and not long:
             best = on_response(best, prepared.moved, say)
@@ -218,7 +219,7 @@ def discover(
         skew=prepared.delay,
         warnings=(
             *checked.warned(aligned),
-            *_inertia_notes(campaign, model),
+            *inertia_notes(campaign, model),
             *warnings,
             *lag_notes(prepared.lags),
             *[f"{unused}: not used, for no run is too long for the memory of this process"] * bool(unused),
@@ -231,19 +232,6 @@ def discover(
         paper=paper,
         lag=prepared.lag,
     )
-
-
-def _inertia_notes(campaign: Campaign, model: JointModel) -> list[str]:
-    """Return a warning where a law was found with another inertia than the campaign declares."""
-    declared = campaign.joint.inertia
-    if declared is None or INERTIA not in model:
-        return []
-    term = model[INERTIA]
-    return [
-        f"the declared inertia of {declared:g} {term.unit} is not that of these runs: they give {term.coefficient:.4g} "
-        f"± {term.standard_error:.1g} {term.unit}, with which the law needs less; that is used; check what moves "
-        "between sensor and joint, and whether a stiffness depends on the frequency (diagnose)"
-    ]
 
 
 class _Prepared(NamedTuple):
@@ -333,29 +321,6 @@ def _is_simpler(aligned: TermSearch, plain: TermSearch) -> bool:
     if leaves_noise(aligned.model):
         return fewer >= 0 or not leaves_noise(plain.model)
     return fewer > 0 and error_left_out(aligned) < error_left_out(plain)
-
-
-def _may_lack_inertia(found: TermSearch, prepared: _Prepared) -> bool:
-    """Return whether a law may have a term, or a delay, in the place of an error of the declared inertia."""
-    moved = not (prepared.campaign.moves_freely or prepared.campaign.quasi_static)
-    own = {*found.model.ids} <= {*PAPER_TERMS} and leaves_noise(found.model)
-    return moved and bool(found.model.terms) and (prepared.lag != 0 or not own)
-
-
-def _denies_inertia(freed: TermSearch, plain: TermSearch, declared: float, lag: float) -> bool:
-    """Return whether the runs give another inertia than is declared, with which the law is simpler, or predicts better.
-
-    A declared inertia is known: noise alone must be left, and what the law has instead must not be as likely.
-    """
-    if INERTIA not in freed.model or not leaves_noise(freed.model):
-        return False
-    found = freed.model[INERTIA]
-    impossible = found.coefficient <= 0  # a stiffness that depends on the frequency, or a delay
-    if impossible or abs(found.coefficient - declared) < JUDGEMENT.significant * found.standard_error:
-        return False
-    fewer = len(plain.model.terms) + (lag != 0) - len(freed.model.terms)
-    better = error_left_out(freed) < error_left_out(plain)
-    return fewer > 0 or not leaves_noise(plain.model) or (fewer == 0 and better)
 
 
 def _judge_terms(found: TermSearch, prepared: _Prepared) -> tuple[Verdict, ChannelDelay | None]:
